@@ -126,7 +126,7 @@ class Packets:
         return word >> 1 & 0x7f, t
 
     def survey(self):
-        """Chooses a source and a part of the file, (begin, end), and notes what else is in it."""
+        """Chooses a source and a part of the file, (begin, end), and notes other content."""
         parts, counts, unknown = [[self.first, self.size, 0]], collections.defaultdict(lambda: [0, 0]), collections.Counter()
         whole = self.first
         for packet in self.packets(self.first, self.size):
@@ -199,7 +199,7 @@ class Packets:
 
 
 def as_picture(pixels, pattern):
-    """Pixels [H,W,C] of a frame as OpenCV writes them; a mosaic becomes colours."""
+    """Pixels [H,W,C] of a frame for OpenCV; a mosaic is converted to colours."""
     channels = pixels.shape[2]
     if channels > 1:
         return to_opencv(pixels, ORDERS[channels])
@@ -248,7 +248,7 @@ class Records:
         return lines
 
     def chunks(self, begin, end):
-        """Yields where each piece begins, its words and its times, us. A counter that wraps is continued."""
+        """Yields the start of each piece, its words and its unwrapped times, us."""
         last, epoch = None, 0
         for at in range(begin, end, CHUNK):
             piece = self.records[at:min(at + CHUNK, end)]
@@ -300,7 +300,7 @@ class Records:
 
 
 def shutter(lines, chip):
-    """Whether the shutter is global, by the settings in the header; None where they do not say."""
+    """Whether the shutter is global, by the settings in the header; None if they do not say."""
     for line in lines:
         if found := re.search(rf'key="{re.escape(chip)}\.APS\.GlobalShutter" value="(true|false)"', line):
             return found[1] == "true"
@@ -321,7 +321,7 @@ class Readout:
         self.word, self.t = np.concatenate([self.word, word]), np.concatenate([self.t, t])
         resets = np.flatnonzero(self.word >> 10 & 3 == RESET_READ)
         x, y = ((self.word[resets] >> shift & mask).astype(np.int64) for shift, mask in ((12, 0x3ff), (22, 0x1ff)))
-        # Within a frame the reads go on by one column or one row.
+        # Within a frame consecutive reads differ by one column or one row.
         starts = resets[1:][(abs(np.diff(x)) > 1) & (abs(np.diff(y)) > 1)]
         begin = 0
         for end in starts:

@@ -3,7 +3,7 @@
 """Simulates recordings with the faults of real cameras, imports them, trains scenes without any flag, and compares
 these with the true scenes.
 
-scripts/battery.py --bin build/bin --output runs/battery [--only NAME ...] [--jobs N] [--set KEY=VALUE ...]
+    scripts/battery.py --bin build/bin --output runs/battery [--only NAME ...] [--jobs N] [--set KEY=VALUE ...]
 [--true-poses]
 
 Each file in configs/battery is a recording; a file of that folder that it extends is the same scene without the

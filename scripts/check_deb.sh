@@ -3,7 +3,7 @@
 # Builds the Debian package of a build and checks it in a fresh root file system of this machine's release: it installs
 # with all dependencies, its programs run with the LibTorch of the build, and removing it leaves no file.
 #
-# scripts/check_deb.sh [BUILD_FOLDER]      default: build, which must be complete
+#   scripts/check_deb.sh [BUILD_FOLDER]      default: build, which must be complete
 #
 # Needs root, debootstrap, dpkg-dev and 2 GB in $TMPDIR; about five minutes. MIRROR=URL replaces Debian's own. Exit code
 # 1: the package fails; 3: a requirement is missing.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares PSNR and SSIM of jade_eval with scikit-image on random and real pictures.
 
-pip install scikit-image        # in an environment of its own
+    pip install scikit-image        # in an environment of its own
     python scripts/check_metrics.py [--bin build/bin]
 
 scikit-image mirrors pictures at their border, whereas jade_eval, like the published tables, pads with zeros; so

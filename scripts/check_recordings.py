@@ -3,7 +3,7 @@
 """Reads recordings of real cameras twice, with this project's readers and with independent ones, and compares the
 results.
 
-scripts/check_recordings.py RECORDINGS [MORE ...] [--inspect build/bin/jade_inspect] [--csv OUT.csv]
+    scripts/check_recordings.py RECORDINGS [MORE ...] [--inspect build/bin/jade_inspect] [--csv OUT.csv]
 
 RECORDINGS are recordings or folders of them; files *.md and *.yaml beside them are ignored. Exit code 1:
 something differs, 3: a recording cannot be compared.
@@ -11,7 +11,7 @@ something differs, 3: a recording cannot be compared.
 This project's readers are jade_inspect --json and, for the events themselves, the stage `read` of the jade_import
 beside it. The independent ones:
 
-AEDAT4          dv-processing, iniVation's own (here: the package aedat)
+    AEDAT4          dv-processing, iniVation's own (here: the package aedat)
     Prophesee .raw  faery; numpy for the trigger words, which it omits (here: C++)
     bags            the records of ROS 1 and the sqlite3 tables of ROS 2 parsed in this script, their packets by
     faery (here:
@@ -24,7 +24,7 @@ Times are whole microseconds.
 
 scripts/setup.sh does not install the independent readers; install them in a separate environment:
 
-python3 -m venv build/readers && build/readers/bin/pip install dv-processing==2.0.4 faery==0.7.1 h5py
+    python3 -m venv build/readers && build/readers/bin/pip install dv-processing==2.0.4 faery==0.7.1 h5py
     build/readers/bin/python scripts/check_recordings.py ...
 """
 from __future__ import annotations

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fails if ctest skipped tests that should have run, and lists them.
 
-scripts/check_skips.py RESULTS.xml [PATTERN ...]      RESULTS.xml: of ctest --output-junit
+    scripts/check_skips.py RESULTS.xml [PATTERN ...]      RESULTS.xml: of ctest --output-junit
                                                           PATTERN: names that may be skipped, as '*.cuda'
 """
 import argparse

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Implements the COLMAP commands that jade_import uses, with the Python package pycolmap instead of the program.
 
-colmap.py feature_extractor|exhaustive_matcher|matches_importer|mapper --NAME VALUE ...
+    colmap.py feature_extractor|exhaustive_matcher|matches_importer|mapper --NAME VALUE ...
     colmap.py reverse_depths --database_path FILE --image_path DIR --input_path MODEL --output_path MODEL
                              --refine_focal_length 0|1
     colmap.py version

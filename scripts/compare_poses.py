@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures how far the poses of a data set are from the true ones, in pixels.
 
-.venv/bin/python scripts/compare_poses.py DATA TRUE_DATA [--with-true-poses FOLDER] [--json]
+    .venv/bin/python scripts/compare_poses.py DATA TRUE_DATA [--with-true-poses FOLDER] [--json]
 
 Both are EvDeblur folders (docs/data.md) with the same clock: the output of jade_import, and the truth/ of
 jade_simulate --recording, a scene with a slider's or a motion capture's poses, or another import. Position,

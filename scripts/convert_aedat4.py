@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Converts an AEDAT4 recording (DV, DAVIS and DVXplorer cameras) to the HDF5 events that JADE-GS reads.
 
-scripts/convert_aedat4.py recording.aedat4 events.h5 [--frames FOLDER]
+    scripts/convert_aedat4.py recording.aedat4 events.h5 [--frames FOLDER]
 
 events.h5 contains 1-D data sets x, y (uint16), t (int64, microseconds) and p (int8, 0 or 1), chunked and
 compressed, as `events.h5` of the EvDeblur layout. --frames also writes the frames as PNG and their exposure times
@@ -11,7 +11,7 @@ as timestamps.npz (timestamps, timestamps_start, timestamps_end; microseconds).
 AEDAT4 is read by one of two packages, whichever is installed: dv-processing or aedat. Also needed: h5py and
 numpy, and opencv-python-headless for --frames.
 
-.venv/bin/python -m pip install dv-processing h5py      (or: aedat h5py)
+    .venv/bin/python -m pip install dv-processing h5py      (or: aedat h5py)
     .venv/bin/python scripts/convert_aedat4.py ...
 """
 import argparse

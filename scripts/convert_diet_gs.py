@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Converts the event pickles of a DiET-GS scene to files that JADE-GS reads.
 
-scripts/convert_diet_gs.py SCENE [SCENE ...]
+    scripts/convert_diet_gs.py SCENE [SCENE ...]
 
 Reads SCENE/events/{events,id_to_coords,image_start,image_end}.pickle and, if present, id_to_color.pickle. Writes
 beside them

@@ -4,7 +4,7 @@
 # trains the recommended preset (no router) on them, evaluates, prints where the results are, and opens the report on a
 # desktop.
 #
-# scripts/demo.sh [--set key=value ...]      further arguments are passed to jade_train
+#   scripts/demo.sh [--set key=value ...]      further arguments are passed to jade_train
 #
 # Works without a GPU; uses one if there is one. Can be repeated: existing results are kept, and an interrupted training
 # is resumed.

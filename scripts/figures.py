@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws the paper's figures from run directories of jade_train or folders of jade_sweep.
 
-.venv/bin/python scripts/figures.py RUN_OR_SWEEP ... --output figures [--crop X,Y,SIZE ...]
+    .venv/bin/python scripts/figures.py RUN_OR_SWEEP ... --output figures [--crop X,Y,SIZE ...]
 
 losses            every loss term over the steps, one panel per run
 trajectories      the metrics on the test views over the steps

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trains the losses of the printed method, without the router, on gsplat, for a comparison of time to quality.
 
-jade_bench run --config scene.yaml --config configs/ablation/full.yaml --set objective.target=efnet \\
+  jade_bench run --config scene.yaml --config configs/ablation/full.yaml --set objective.target=efnet \\
     --output RUN --write-input INPUT
   python scripts/gsplat_training.py INPUT --output gsplat.csv --seconds 60
 

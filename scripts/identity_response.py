@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes assets/identity_response.npy, the initial camera response of training.
 
-scripts/identity_response.py [--output assets/identity_response.npy]
+    scripts/identity_response.py [--output assets/identity_response.npy]
 
 Fits rho(x) = sigmoid(0.1 MLP(x) + x), MLP 1-16-16-16-1 with ReLU, to x on [0,1): 3000 Adam steps at 1e-2, mean
 squared error of 192 uniform samples, seed 42. Every operation is float32 in a fixed order, so that the same

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws the result of each stage of an import, from the files that jade_import keeps.
 
-.venv/bin/python scripts/import_figure.py DATA OUT.png [--frame NAME]
+    .venv/bin/python scripts/import_figure.py DATA OUT.png [--frame NAME]
 
 DATA is a folder written by jade_import. --frame: the frame to show, by default the middle one of the blurry
 frames. Needs matplotlib and h5py (scripts/setup.sh --figures --import).

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # All checks that do not run the program: format, module order, names of tests, comments, clang-tidy.
 #
-# scripts/lint.sh [--fast]      --fast skips clang-tidy
+#   scripts/lint.sh [--fast]      --fast skips clang-tidy
 #
 # clang-tidy checks the files whose mistakes cost most: the modules without heavy torch headers, and all files that
 # differ from the main branch.

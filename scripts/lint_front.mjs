@@ -3,7 +3,7 @@
 // Checks the front end of the report's and the sweep's page (lib/jade/page/front) without anything to
 // install.
 //
-// node scripts/lint_front.mjs [FOLDER]
+//     node scripts/lint_front.mjs [FOLDER]
 //
 // Every module must parse, alone and joined with the others of its page as in lib/jade/page/embed.cmake: a
 // name that two modules declare does not. Imports are one line each, of modules above in the page's list that

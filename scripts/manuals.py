@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Generates man pages and the completion of bash and zsh from the programs' declarations for --help.
 
-scripts/manuals.py [--output build/manuals] [--version VERSION] PROGRAM...
+    scripts/manuals.py [--output build/manuals] [--version VERSION] PROGRAM...
 
 Writes share/man/man1, share/bash-completion/completions and share/zsh/site-functions below --output; the build
 runs it, and `cmake --install` copies them to P/share.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Converts an AEDAT file or a ROS bag to a folder that jade_import and jade_inspect can read.
 
-.venv/bin/python scripts/read_recording.py recording.aedat4 FOLDER
+    .venv/bin/python scripts/read_recording.py recording.aedat4 FOLDER
 
 These programs run this script for such recordings; run it by hand if the packages are on another machine.
 scripts/setup.sh --import installs its requirements.

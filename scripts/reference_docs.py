@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Generates docs/cli.md and docs/configuration.md from the output of the programs.
 
-scripts/reference_docs.py [--bin build/bin] [--check]
+    scripts/reference_docs.py [--bin build/bin] [--check]
 
 --check writes nothing and fails if a file differs (ctest `docs.reference`).
 """

@@ -31,7 +31,7 @@ std::filesystem::path settings_file(const std::filesystem::path& file);
 
 /// A program's command line. Create one, add flags, then call run():
 ///
-/// int main(int argc, char** argv) {
+///   int main(int argc, char** argv) {
 ///     Program program("jade_inspect", "Says what is in a data set, a run or a .ply");
 ///     program.add_example("jade_inspect data/desk");
 ///     program.begin_group("Input");

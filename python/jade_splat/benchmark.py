@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Times the op from Python on the workloads of jade_bench, beside gsplat if that is installed.
 
-python python/jade_splat/benchmark.py [--device cuda] [--workload W1,W2,W3,W4,W5] [--repeats 50] [--json FILE]
+  python python/jade_splat/benchmark.py [--device cuda] [--workload W1,W2,W3,W4,W5] [--repeats 50] [--json FILE]
 
 W1 to W5 are bit-identical to those of `jade_bench splat`: nine views in one call. "splat" is the op with the
 parameters of jade_bench, "rasterization" the function with gsplat's interface, both with gradients of all

@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Trains a restorer on this machine: all its cores render films of 3-D scenes while all its GPUs train on them.
 #
-# scripts/efnet/train_here.sh --output RUN [--films N] [--first SEED] [--jobs N] [--size WxH] [train_efnet.py's
-# arguments]
+#   scripts/efnet/train_here.sh --output RUN [--films N] [--first SEED] [--jobs N] [--size WxH] [train_efnet.py's arguments]
 #
 # RUN/films gets N scenes (default 300) of six exposures of 320x288 pixels, from seed SEED (default 5001) on;
 # RUN/held_out eight more, for validation. Existing films are kept, so a second start renders only the rest; the

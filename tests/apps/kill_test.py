@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Interrupts training at random moments and checks that only the steps since the last checkpoint are lost.
 
-kill_test.py BIN_FOLDER [KILLS]
+    kill_test.py BIN_FOLDER [KILLS]
 
 Simulates a tiny scene and trains it twice: once without interruption, and once with kill -9, SIGTERM, SIGHUP and
 Ctrl-C at random moments, resumed each time. Both must give bit-identical Gaussians. Then the disk "fills up" (a

@@ -3,7 +3,7 @@
 """Measures the cost of --serve for docs/viewer.md: steps per second without it, without viewers, and with one
 viewer.
 
-measure_serve.py BIN_FOLDER [--repeat N] -- FLAGS OF jade_train
+    measure_serve.py BIN_FOLDER [--repeat N] -- FLAGS OF jade_train
 
 The three variants alternate, so that a machine that slows down affects all of them. Steps per second are those
 from the second logged line to the last; CPU seconds are the program's own, encoding included.

@@ -3,7 +3,7 @@
 """jade_train --serve and jade_view from the command line: viewers of all kinds, Ctrl-C, mistakes, and bit-identical
 results.
 
-serve_test.py BIN_FOLDER        exits with 77 if the programs were built without a web server
+    serve_test.py BIN_FOLDER        exits with 77 if the programs were built without a web server
 """
 import hashlib
 import http.client
@@ -268,7 +268,7 @@ def check_view(runs):
 
 
 def write_scene(path, scale, count=200):
-    """A .ply of so many Gaussians on a helix about the origin, `scale` wide and of many colours."""
+    """A .ply of `count` Gaussians on a helix about the origin, `scale` wide and of many colours."""
     names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
     rows = []
     for i in range(count):
@@ -279,7 +279,9 @@ def write_scene(path, scale, count=200):
 
 
 def check_small_scene(runs):
-    """One that lies nearer to its overview than the usual near plane is drawn all the same; one without Gaussians is refused."""
+    """A scene that is nearer to its overview camera than the default near plane is visible; one without Gaussians is
+    rejected.
+    """
     write_scene(runs.folder / "small.ply", 1e-3)
     view = Served(*runs.program("jade_view", runs.folder / "small.ply", "--device", "cpu", "--serve=0"))
     wait_for(lambda: b'"live"' in ask(view.url)[1], "the page")

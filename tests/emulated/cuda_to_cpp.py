@@ -3,7 +3,7 @@
 """Converts a CUDA source to C++: launches kernel<<<grid, block, bytes, stream>>>(...) become calls, and shared
 memory of dynamic size becomes a pointer.
 
-cuda_to_cpp.py IN.cu OUT.cpp
+    cuda_to_cpp.py IN.cu OUT.cpp
 """
 import re
 import sys

@@ -175,7 +175,7 @@ TEST_CASE("emulated cuda: the camera response's lookups of a call and their grad
 }
 
 TEST_CASE("emulated cuda: sums over the response's table are exact beyond 32 bits", "[emulated]") {
-  // 2^50 of the fixed point are 1, so that each of these leaves the low half, some only together.
+  // 2^50 in fixed point is 1, so that each of these overflows the low half, some only together.
   std::vector<float> values;
   for (const float size : {1e-7f, 1.5e-6f, 1.9e-6f, 2e-6f, 3e-5f, 0.7f}) {
     for (int k = 0; k < 9; ++k) {

@@ -3,7 +3,7 @@
 """Installs with cmake --install into a folder that is then moved: installed files refer to no path of the build, the
 programs find their files, and another project differentiates through the op.
 
-install_test.py BUILD_FOLDER SOURCE_FOLDER
+  install_test.py BUILD_FOLDER SOURCE_FOLDER
 """
 
 import os

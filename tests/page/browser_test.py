@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A report and a sweep's page in headless Chromium: compares the scene with jade_render, and tests all controls.
 
-browser_test.py BIN_FOLDER      exits with 77 if there is no Chromium
+    browser_test.py BIN_FOLDER      exits with 77 if there is no Chromium
 """
 import array
 import base64
@@ -413,7 +413,7 @@ def check_access(page):
 
 
 def check_layout(page, report):
-    """What is where, in a window and on a phone, light and dark."""
+    """Tests the layout, in a window and on a phone, light and dark."""
     for dark in (False, True):
         page.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
         for width, height, mobile in ((1280, 900, False), (390, 844, True)):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live page in headless Chromium while a run trains.
 
-live_test.py BIN_FOLDER [SCREENSHOT.jpg]      exits with 77 if there is no Chromium or no web server
+    live_test.py BIN_FOLDER [SCREENSHOT.jpg]      exits with 77 if there is no Chromium or no web server
 """
 import json
 import re

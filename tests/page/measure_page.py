@@ -3,7 +3,7 @@
 """Measures the figures of docs/viewer.md for a finished run: the size of its report, the table of fidelity, and
 screenshots.
 
-measure_page.py RUN [FOLDER]      FOLDER: for the screenshots
+    measure_page.py RUN [FOLDER]      FOLDER: for the screenshots
     measure_page.py RUN --speed       measures the cost of a frame instead: in JavaScript, and in pixels blended
 """
 import argparse

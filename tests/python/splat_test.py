@@ -2,7 +2,7 @@
 """Tests of jade_splat against plain torch, finite differences and bad input. Takes the library from
 JADE_SPLAT_LIBRARY.
 
-python tests/python/splat_test.py        with a GPU, the comparisons run there too
+  python tests/python/splat_test.py        with a GPU, the comparisons run there too
 """
 
 import itertools

@@ -3,7 +3,7 @@
 """Tests of the man pages and the completion that scripts/manuals.py generated from the built programs: they contain
 every flag of --help, bash completes with them, and the shells and roff accept them.
 
-manuals_test.py BIN_FOLDER MANUALS_FOLDER
+    manuals_test.py BIN_FOLDER MANUALS_FOLDER
 """
 
 import re

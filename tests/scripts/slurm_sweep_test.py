@@ -2,7 +2,7 @@
 """A sweep of 12 runs on a real Slurm cluster of one node: cancels one task and kills one training program; a second
 call submits only these two, and the table is complete. Skipped (77) if Slurm is not installed.
 
-python3 tests/scripts/slurm_sweep_test.py BUILD_BIN [FOLDER_THAT_STAYS]
+    python3 tests/scripts/slurm_sweep_test.py BUILD_BIN [FOLDER_THAT_STAYS]
 """
 import json
 import os

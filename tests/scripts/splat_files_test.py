@@ -5,7 +5,7 @@
 attributes; .glb: glTF 2.0 with KHR_gaussian_splatting), and compares. Then converts every format back to .ply
 with jade_export, and checks that jade_inspect recognises it. Standard library only.
 
-splat_files_test.py path/to/jade_export
+    splat_files_test.py path/to/jade_export
 """
 
 import gzip

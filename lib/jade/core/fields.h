@@ -2,7 +2,7 @@
 // One declaration per configuration field. An options struct lists its fields once, in a function
 // beside it:
 //
-// struct RouteOptions { double lr = 5e-4; };
+//   struct RouteOptions { double lr = 5e-4; };
 //   template <class V> void describe(V& v, RouteOptions& o) {
 //     v.field("lr", o.lr, "Adam step size of the router", Range{1e-8, 1});
 //   }

@@ -13,7 +13,7 @@ void set_progress_enabled(bool enabled);
 /// Reports the progress of long work: a live bar with rate and remaining time on a terminal, a
 /// plain line every 10 s otherwise. Costs one clock reading per step:
 ///
-/// Progress progress("simulate", frames);
+///   Progress progress("simulate", frames);
 ///   for (...) { work(); if (progress.step()) progress.show("12 events/µs"); }
 class Progress {
  public:

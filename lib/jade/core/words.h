@@ -2,7 +2,7 @@
 // The words of an enum: the configuration's name for each value. They are declared once, beside the
 // enum, in a function that argument-dependent lookup finds:
 //
-// enum class Strategy { kAdc, kNone };
+//   enum class Strategy { kAdc, kNone };
 //   constexpr auto words_of(Strategy) {
 //     return std::array{Word{"adc", Strategy::kAdc, "clone, split and prune"},
 //                       Word{"none", Strategy::kNone, "fixed number"}};

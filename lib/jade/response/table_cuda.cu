@@ -10,7 +10,7 @@ namespace jade::response::cuda {
 namespace {
 
 constexpr int kTableKnots = 64;  ///< per block
-constexpr int kParts = 4;  ///< threads per knot: each computes every fourth unit of a layer
+constexpr int kParts = 4;        ///< threads per knot: each computes every fourth unit of a layer
 constexpr int kTableThreads = kTableKnots * kParts;
 constexpr int kSumThreads = 128;
 constexpr int kPitch = kTableKnots + 1;  ///< neighbouring units are in different banks

@@ -100,7 +100,7 @@ struct GradientSource {
   Size size;
   const float* of_out;  ///< [N,channels,H,W]
   const float* out;     ///< likewise
-  int channels;  ///< of both tensors; the pointers may start at a later channel
+  int channels;         ///< of both tensors; the pointers may start at a later channel
 
   template <int COUNT>
   __device__ __forceinline__ void read(int image, int y, int x, float (&values)[COUNT]) const {

@@ -118,8 +118,8 @@ class Trainer {
   PictureWriter pictures_;
   // of the last intermediate evaluation, if poses are learned
   std::optional<data::Dataset> looked_at_;
-  std::string status_;                      // for the progress bar
-  double logged_seconds_ = 0;               // time and step of the last log line, for it/s
+  std::string status_;         // for the progress bar
+  double logged_seconds_ = 0;  // time and step of the last log line, for it/s
   int64_t logged_step_ = 0;
 };
 

@@ -20,7 +20,7 @@ class Connection {
     size_t request_bytes = size_t{16} << 10;  ///< request line, headers and body together
     std::chrono::milliseconds reading{2000};  ///< for the whole request
     std::chrono::milliseconds writing{2000};  ///< until the client accepts more of the answer
-    size_t unread_bytes = size_t{1} << 20;  ///< skipped at the end, so that the answer arrives
+    size_t unread_bytes = size_t{1} << 20;    ///< skipped at the end, so that the answer arrives
     std::chrono::milliseconds answer{60000};  ///< for the whole answer, if the client reads slowly
   };
 

@@ -12,7 +12,7 @@ namespace jade::serve {
 
 /// The live page over HTTP, on separate threads:
 ///
-/// GET /            the page of show(), or a note that it is being prepared
+///   GET /            the page of show(), or a note that it is being prepared
 ///   GET /frame       JPEG of the request in wanted_frame(); headers X-Step, X-Gaussians and, if
 ///   there
 ///                    is a true sharp image, X-Psnr in dB

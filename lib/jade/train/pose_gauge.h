@@ -13,8 +13,7 @@ namespace jade::train {
 /// camera to camera, so the plain mean of the twists is not one of them.
 struct PoseGauge {
   torch::Tensor read;  ///< [G,V,K,6] float64; Σ read · twists is the component along each direction
-  torch::Tensor
-      write;  ///< [G,V,K,6] float64; the directions. G is 7, or less if some coincide
+  torch::Tensor write;  ///< [G,V,K,6] float64; the directions. G is 7, or less if some coincide
 };
 
 /// @param control  [V,K,4,4] float64, world_from_camera at the twists

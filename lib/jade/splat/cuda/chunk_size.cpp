@@ -10,7 +10,7 @@ namespace jade::splat::cuda {
 
 namespace {
 
-constexpr int64_t kLeastGaussians = 256;  ///< fewer would not keep a block's threads busy
+constexpr int64_t kLeastGaussians = 256;  ///< fewer would leave threads of a block idle
 int forced_gaussians = -1;
 
 int multiprocessors() {
