@@ -88,8 +88,9 @@ void check_flags(const DeblurFlags& flags, const restore::Method& method,
   if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
   apps::check_apart(output, settings.dataset);
   if (method.needs_truth && !flags.pictures.times.empty()) {
-    throw ConfigError(concat("--times: method ", method.name,
-                             " knows the truth of mid-exposure only; use edi, efnet or mean"));
+    throw ConfigError(
+        concat("--times: method ", method.name,
+               " needs a true image, which exists at mid-exposure only; use edi, efnet or mean"));
   }
   if (!method.needs_efnet) return;
   restore::checked_file_sha256(settings.efnet);

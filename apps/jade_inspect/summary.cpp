@@ -97,7 +97,7 @@ void print_events(const Inspection& inspection) {
   const data::ThresholdEstimate& t = inspection.thresholds;
   if (!t.found) {
     std::printf(
-        "thresholds  cannot be estimated from these frames and events; jade_train takes 0.25 "
+        "thresholds  cannot be estimated from these frames and events; jade_train uses 0.25 "
         "where none are set\n");
     return;
   }
@@ -119,7 +119,7 @@ void print_pattern(const data::PatternEstimate& pattern) {
   const char* action = pattern.is_worth_learning()
                            ? "jade_train learns it and keeps it out of the scene"
                        : pattern.sideways_px < data::PatternEstimate::kLeastSidewaysPx
-                           ? "not learned, as a camera on one line does not tell it from the scene"
+                           ? "not learned: a camera on one line cannot separate it from the scene"
                            : "too little to learn";
   std::printf("pattern     %.2f %% of white is the same in all frames; %s\n",
               100 * pattern.strength, action);

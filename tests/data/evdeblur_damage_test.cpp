@@ -167,7 +167,8 @@ TEST_CASE("damage: missing files say what they must hold", "[data]") {
   CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("no such folder"));
   scene.options.path = scene.root / "images_1";
   fs::remove(scene.root / "images_1/timestamps.npz");
-  CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("no data set we know"));
+  CHECK_THROWS_WITH(scene.warnings(),
+                    test::naming("images_1", "poses_bounds.npy", "transforms.json"));
   scene.options.path = "";
   CHECK_THROWS_AS(scene.warnings(), ConfigError);
 }

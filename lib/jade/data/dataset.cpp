@@ -152,7 +152,7 @@ DatasetKind recognise_dataset(const fs::path& folder) {
   if (is_diet_gs(folder)) return DatasetKind::kDietGs;
   if (!find_colmap_model(folder).empty()) return DatasetKind::kColmap;
   throw DataError(concat(folder.string(),
-                         ": is no data set we know; expected poses_bounds.npy "
+                         ": is not a known kind of data set; expected poses_bounds.npy "
                          "(EvDeblur), sparse/0 (COLMAP, DiET-GS) or "
                          "transforms.json in it"));
 }

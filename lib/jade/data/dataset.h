@@ -28,9 +28,9 @@ enum class FrameColor { kAuto, kColor, kGray };
 
 constexpr auto words_of(FrameColor) {
   return std::array{
-      Word{"auto", FrameColor::kAuto, "where every frame, blurry or sharp, has R = G = B"},
-      Word{"color", FrameColor::kColor, "never"},
-      Word{"gray", FrameColor::kGray, "always: frames are made gray on loading"}};
+      Word{"auto", FrameColor::kAuto, "gray if every frame, blurry or sharp, has R = G = B"},
+      Word{"color", FrameColor::kColor, "always colour"},
+      Word{"gray", FrameColor::kGray, "always gray: converts frames on loading"}};
 }
 
 struct DatasetOptions {
@@ -53,26 +53,23 @@ void describe(V& v, DatasetOptions& o) {
   v.field("path", o.path, "folder of the data set");
   v.field("kind", o.kind, "layout of the folder; auto recognises it");
   v.field("split", o.split, "which frames are test views");
-  v.field("test_every", o.test_every, "step of split every", Range{2, 1000000});
-  v.field("test_last", o.test_last, "count of split last", Range{1, 1000000});
+  v.field("test_every", o.test_every, "step for split every", Range{2, 1000000});
+  v.field("test_last", o.test_last, "count for split last", Range{1, 1000000});
   v.field("image_folder", o.image_folder,
-          "folder of the frames inside path; empty looks for images_1, images, images_N");
+          "folder of the frames inside path; empty: images_1, images or images_N");
   v.field("time_unit", o.time_unit,
-          "unit of the frames' time stamps; auto decides by the length "
-          "of the exposures");
+          "unit of the frames' time stamps; auto: from the length of the exposures");
   v.field("events_unit", o.events_unit,
-          "unit of the events' time stamps; auto takes the one in "
-          "which events and frames overlap");
+          "unit of the events' time stamps; auto: the one in which events and frames overlap");
   v.field("events_file", o.events_file,
-          "recording of the events; empty looks for events.h5 and "
-          "others in path");
+          "recording of the events; empty: events.h5 and similar names in path");
   v.field("mask", o.mask,
-          "image whose black pixels count in no frame (lens borders, hot areas); mask.png in path "
-          "is used without being named");
+          "image whose black pixels are excluded in every frame (lens borders, hot areas); "
+          "mask.png in path is always used");
   v.field("color_events", o.color_events,
           "use the colour filter of the event pixels (ev_map.npz "
-          "or color_map.npy) where the data set has one");
-  v.field("color", o.color, "when a data set is gray, and with it its restorations and its scene");
+          "or color_map.npy) if the data set has one");
+  v.field("color", o.color, "whether the data set, its restorations and its scene are gray");
 }
 
 /// Reads a data set of any kind. Problems that can be repaired or ignored become one line each in

@@ -209,7 +209,7 @@ void check_covered(const geometry::Trajectory& path, const FrameTime& time, cons
                            "] us; its poses are missing, or dataset.time_unit is wrong"));
   }
   warnings.add("exposure ", name, ": the trajectory ends ", missing,
-               " us short of it; the camera is taken to stand still there");
+               " us short of it; poses are constant there");
 }
 
 /// Checks that the frames' own poses and the trajectory belong to one camera.

@@ -62,7 +62,7 @@ void check_precision(const torch::Tensor& times, const std::string& name) {
   const double step = std::ldexp(1.0, std::ilogb(size) - (is_half ? 10 : 23));
   const double period = (last - first) / double(times.numel() - 1);
   if (step < kFinest || step <= kLargestShare * period) return;
-  throw DataError(concat(name, ": expected times that tell frames apart, found ",
+  throw DataError(concat(name, ": expected times that differ from frame to frame, found ",
                          is_half ? "float16" : "float32", " numbers near ", size,
                          ", where the type has a value every ", step,
                          "; store the times as float64 or as integers, from their source"));

@@ -33,25 +33,23 @@ struct EventOptions {
 template <class V>
 void describe(V& v, EventOptions& o) {
   v.field("threshold_positive", o.threshold_positive,
-          "log intensity of one positive event; auto: measured from frames and events, 0.25 where "
-          "they do not tell",
+          "change of log intensity per positive event; auto: measured from frames and events, 0.25 "
+          "if that fails",
           Range{1e-4, 10});
-  v.field(
-      "threshold_negative", o.threshold_negative,
-      "log intensity of one negative event; 0 repeats threshold_positive, and is measured where "
-      "that is auto",
-      Range{0, 10});
+  v.field("threshold_negative", o.threshold_negative,
+          "change of log intensity per negative event; 0: as threshold_positive, measured "
+          "separately if that is auto",
+          Range{0, 10});
   v.fixed("bins", kVoxelBins);
   v.field(
       "edi_samples", o.edi_samples,
       "moments of the EDI integral, odd, by the trapezoid rule; 0: those of exposure.samples by "
       "exposure.quadrature, as printed",
       Range{0, 1025});
-  v.field(
-      "ramp_ms", o.ramp_ms,
-      "EDI spreads an event's step over the time since the event before it at its pixel, but at "
-      "most this long, ms; 0: a step at the event, as printed",
-      Range{0, 1e4});
+  v.field("ramp_ms", o.ramp_ms,
+          "EDI spreads an event's step over the time since the previous event at its pixel, at "
+          "most this long, ms; 0: a step at the event, as printed",
+          Range{0, 1e4});
 }
 
 }  // namespace jade::events

@@ -17,13 +17,12 @@ namespace jade::gaussians {
 enum class McmcCopies { kStacked, kSpread };
 
 constexpr auto words_of(McmcCopies) {
-  return std::array{
-      Word{"stacked", McmcCopies::kStacked,
-           "at the centre of the Gaussian that they copy, as published; both then have the same "
-           "gradient, and it takes thousands of steps until they part"},
-      Word{"spread", McmcCopies::kSpread,
-           "drawn from that Gaussian and 1.6 times smaller, as children of a split; relocated ones "
-           "copy Gaussians of large screen gradients"}};
+  return std::array{Word{"stacked", McmcCopies::kStacked,
+                         "at the centre of the copied Gaussian, as published; both then have the "
+                         "same gradient, and separate only after thousands of steps"},
+                    Word{"spread", McmcCopies::kSpread,
+                         "sampled from that Gaussian and 1.6 times smaller, like children of a "
+                         "split; relocated ones copy Gaussians with large screen gradients"}};
 }
 
 /// 3DGS as Markov chain Monte Carlo (Kheradmand et al., NeurIPS 2024); members without a key have
@@ -90,7 +89,7 @@ struct DensifyOptions {
 template <class V>
 void describe(V& v, DensifyOptions& o) {
   v.field("strategy", o.strategy, "how Gaussians are added and removed");
-  v.field("statistics", o.statistics, "which of the nine poses count in the screen gradients");
+  v.field("statistics", o.statistics, "which of the nine poses contribute to the screen gradients");
   v.fixed("from", o.from);
   v.field("until", o.until,
           "no densification and no opacity reset from this step on; the first densification comes "

@@ -306,7 +306,7 @@ void write_glb(const std::filesystem::path& path, const GaussianFile& file) {
   const splat::Gaussians gaussians = half_turn(map_parameters(
       drawable(file.gaussians), [](const auto& value) { return file_tensor(value); }));
   if (gaussians.size() == 0) {
-    throw DataError(concat(path.string(), ": not written: no Gaussian can be drawn"));
+    throw DataError(concat(path.string(), ": not written: no Gaussian can be rendered"));
   }
   Parts parts;
   parts.add("POSITION", gaussians.means);

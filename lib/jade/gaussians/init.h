@@ -20,7 +20,7 @@ namespace jade::gaussians {
 enum class InitKind { kAuto, kSfm, kRandomFrusta, kPly };
 
 constexpr auto words_of(InitKind) {
-  return std::array{Word{"auto", InitKind::kAuto, "sfm where there are points, else random_frusta"},
+  return std::array{Word{"auto", InitKind::kAuto, "sfm if there are points, else random_frusta"},
                     Word{"sfm", InitKind::kSfm, "points of the data set"},
                     Word{"random_frusta", InitKind::kRandomFrusta, "sampled in the viewing frusta"},
                     Word{"ply", InitKind::kPly, "init.ply"}};
@@ -37,11 +37,11 @@ constexpr double kStartOpacity = 0.1;
 
 template <class V>
 void describe(V& v, InitOptions& o) {
-  v.field("kind", o.kind, "where the Gaussians start");
+  v.field("kind", o.kind, "source of the initial Gaussians");
   v.field("ply", o.ply,
           "Gaussians (.ply, .spz, .sog, .glb, .gltf or .splat) or coloured points (.ply) to start "
           "from (kind ply)");
-  v.field("points", o.points, "how many points random_frusta samples", Range{1, 1e8});
+  v.field("points", o.points, "number of points for random_frusta", Range{1, 1e8});
   v.fixed("opacity", kStartOpacity);
   v.fixed("scale", 1);
 }

@@ -32,8 +32,8 @@ template <class V>
 void describe(V& v, OptimOptions& o) {
   const Range rate{0, 10};
   v.field("position_lr_start", o.position_lr_start,
-          "step size of the means at step 0, times the scene extent; falls log-linearly, to a "
-          "hundredth after six times the steps of the run",
+          "step size of the means at step 0, relative to the scene extent; decreases log-linearly, "
+          "to a hundredth after six times the steps of the run",
           rate);
   v.fixed("position_lr_end", [&o] { return o.position_lr_start / kPositionLrFall; });
   v.fixed("position_lr_max_steps", o.position_lr_max_steps);

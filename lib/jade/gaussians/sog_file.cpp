@@ -239,7 +239,7 @@ void write_sog(const std::filesystem::path& path, const GaussianFile& file) {
     return file_tensor(value, torch::kFloat64).index_select(0, order);
   });
   if (gaussians.size() == 0) {
-    throw DataError(concat(path.string(), ": not written: no Gaussian can be drawn"));
+    throw DataError(concat(path.string(), ": not written: no Gaussian can be rendered"));
   }
   Images images(gaussians.size());
   nlohmann::json meta = {{"version", 2},

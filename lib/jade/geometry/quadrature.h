@@ -16,8 +16,8 @@ enum class QuadratureRule { kEqual, kTrapezoid };
 constexpr auto words_of(QuadratureRule) {
   return std::array{
       Word{"equal", QuadratureRule::kEqual,
-           "the printed mean of equal steps, both ends in full: right for frames that are made so, "
-           "for light an exposure K/(K-1) as long"},
+           "the printed mean of equal steps, both ends at full weight: exact for frames made this "
+           "way; for light it corresponds to an exposure K/(K-1) as long"},
       Word{"trapezoid", QuadratureRule::kTrapezoid, "the same moments, both ends at half weight"}};
 }
 
@@ -29,9 +29,9 @@ struct ExposureOptions {
 
 template <class V>
 void describe(V& v, ExposureOptions& o) {
-  v.field("quadrature", o.quadrature, "how an exposure is a sum of sharp images");
+  v.field("quadrature", o.quadrature, "weights of the sharp images whose sum is an exposure");
   v.field("samples", o.samples,
-          "how many of them, odd: renders per step in L_blur, L_sim and L_int; the paper's 9",
+          "number of sharp images, odd: renders per step in L_blur, L_sim and L_int; the paper's 9",
           Range{5, 65});
 }
 

@@ -21,7 +21,7 @@ namespace jade::import {
 enum class StampChoice { kAuto, kStart, kMiddle, kEnd };
 
 constexpr auto words_of(StampChoice) {
-  return std::array{Word{"auto", StampChoice::kAuto, "what the format says"},
+  return std::array{Word{"auto", StampChoice::kAuto, "the format's default"},
                     Word{"start", StampChoice::kStart, "start of the exposure"},
                     Word{"middle", StampChoice::kMiddle, "middle of the exposure"},
                     Word{"end", StampChoice::kEnd, "end of the exposure"}};
@@ -45,19 +45,20 @@ struct TimeOptions {
 template <class V>
 void describe(V& v, TimeOptions& o) {
   v.field("frame_times", o.frame_times,
-          "list of exposures, name,start_us,end_us; empty: what the recording says");
+          "list of exposures, name,start_us,end_us; empty: those of the recording");
   v.field("exposure_ms", o.exposure_ms,
-          "of frames whose own length is not known; auto: found in frames and events",
+          "exposure time of frames without a recorded one; auto: estimated from frames and events",
           Range{0, 1e5});
-  v.field("stamp", o.stamp, "what the only time of a frame is the time of");
-  v.field("trigger_level", o.trigger_level, "of the trigger input while a frame is exposed");
-  v.field("begin_s", o.begin_s, "leave out what comes before, in seconds since the first frame",
+  v.field("stamp", o.stamp, "instant of the exposure that a frame's single time stamp marks");
+  v.field("trigger_level", o.trigger_level, "level of the trigger input while a frame is exposed");
+  v.field("begin_s", o.begin_s, "start of the part to import, in seconds since the first frame",
           Range{0, 1e6});
-  v.field("end_s", o.end_s, "and what comes after; 0: nothing", Range{0, 1e6});
+  v.field("end_s", o.end_s, "end of the part to import; 0: the end of the recording",
+          Range{0, 1e6});
   v.field("offset_ms", o.offset_ms,
-          "how far the clock of the events is ahead of that of the frames", kOffsetMs);
+          "offset of the clock of the events relative to that of the frames", kOffsetMs);
   v.field("find_offset", o.find_offset,
-          "where offset_ms is 0 it is found in frames and events, up to 50 ms");
+          "if offset_ms is 0, estimate it from frames and events, up to 50 ms");
 }
 
 /// The event sensor.
@@ -68,10 +69,9 @@ struct SensorOptions {
 
 template <class V>
 void describe(V& v, SensorOptions& o) {
-  v.field("remove_hot_pixels", o.remove_hot_pixels,
-          "leave out the events of pixels that fire by themselves");
+  v.field("remove_hot_pixels", o.remove_hot_pixels, "drop the events of hot pixels");
   v.field("find_thresholds", o.find_thresholds,
-          "where events.threshold_positive is auto, measure it in frames and events");
+          "if events.threshold_positive is auto, measure it from frames and events");
 }
 
 /// The lens, and a second camera.
@@ -85,17 +85,17 @@ template <class V>
 void describe(V& v, LensOptions& o) {
   v.field(
       "calibration", o.calibration,
-      "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole whose focal length is searched");
-  v.field(
-      "mask", o.mask,
-      "image of the size of the frames, whose black pixels count in none of them (lens borders, "
-      "hot areas); it becomes mask.png of the data set");
-  v.field("field", o.field, "what the undistorted images show");
+      "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole with an estimated focal length");
+  v.field("mask", o.mask,
+          "image of the size of the frames, whose black pixels are excluded in all of them (lens "
+          "borders, hot areas); copied to mask.png of the data set");
+  v.field("field", o.field, "field of view of the undistorted images");
   v.field("plane_depth", o.plane_depth,
-          "depth at which the events of a second camera fall on the frames exactly, in the unit of "
+          "depth at which the events of a second camera are mapped to the frames exactly, in the "
+          "unit of "
           "the calibration",
           Range{0, 1e6});
-  v.field("near", o.near, "nearest depth of the scene, same unit; 0: not known", Range{0, 1e6});
+  v.field("near", o.near, "nearest depth of the scene, same unit; 0: unknown", Range{0, 1e6});
   v.field("far", o.far, "farthest", Range{0, 1e6});
 }
 
@@ -107,8 +107,8 @@ constexpr auto words_of(LatentKind) {
                     Word{"mixed", LatentKind::kMixed,
                          "EDI at both ends, the mean of EDI and EFNet in the middle"},
                     Word{"mean", LatentKind::kMean,
-                         "that mean at all three; with a restorer of version 1, which knows the "
-                         "middle only, carried to both ends by the ratio that the events tell"}};
+                         "that mean at all three; a restorer of version 1 restores only the "
+                         "middle, which the ratio from the events transforms to both ends"}};
 }
 
 /// The sharp images that structure from motion uses.
@@ -119,8 +119,8 @@ struct LatentOptions {
 
 template <class V>
 void describe(V& v, LatentOptions& o) {
-  v.field("kind", o.kind, "what stands for an exposure at its start, middle and end");
-  v.field("upscale", o.upscale, "how much larger COLMAP sees the images", Range{1, 4});
+  v.field("kind", o.kind, "images of an exposure's start, middle and end");
+  v.field("upscale", o.upscale, "factor by which images are enlarged for COLMAP", Range{1, 4});
 }
 
 /// Which pairs of images COLMAP matches.
@@ -142,15 +142,15 @@ struct PoseSearchOptions {
 template <class V>
 void describe(V& v, PoseSearchOptions& o) {
   v.field("colmap", o.colmap, "the program; empty: the package pycolmap, else colmap of the path");
-  v.field("pairs", o.pairs, "which pairs of images are compared");
+  v.field("pairs", o.pairs, "which pairs of images are matched");
 }
 
 /// Whether to estimate and correct a fault of the frames.
 enum class Correction { kAuto, kOff };
 
 constexpr auto words_of(Correction) {
-  return std::array{Word{"auto", Correction::kAuto, "where frames show it clearly"},
-                    Word{"off", Correction::kOff, "frames stay as they are"}};
+  return std::array{Word{"auto", Correction::kAuto, "correct it if frames show it clearly"},
+                    Word{"off", Correction::kOff, "frames are not changed"}};
 }
 
 /// Faults of the frames that the lens causes.
@@ -161,8 +161,7 @@ struct CorrectionOptions {
 template <class V>
 void describe(V& v, CorrectionOptions& o) {
   v.field("vignetting", o.vignetting,
-          "divide frames by the part of the light that the lens passes, found from tracks of "
-          "points");
+          "divide frames by the transmission of the lens, estimated from tracks of points");
 }
 
 /// Which frames are used for evaluation.
@@ -174,14 +173,13 @@ struct TestOptions {
 
 template <class V>
 void describe(V& v, TestOptions& o) {
-  v.field(
-      "names", o.names,
-      "frames by name; empty: those that are sharp, at most a quarter of all, else every so many "
-      "exposures, held out");
+  v.field("names", o.names,
+          "names of test frames; empty: the sharp ones, at most a quarter of all, else held-out "
+          "exposures");
   v.field("sharp_px", o.sharp_px, "a frame is sharp when the scene moves less during it, px",
           Range{0, 100});
-  v.field("every", o.every,
-          "of how many exposures one is held out where no frame is sharp; 0: none", Range{0, 1e6});
+  v.field("every", o.every, "if no frame is sharp, every n-th exposure is held out; 0: none",
+          Range{0, 1e6});
 }
 
 struct ImportOptions {
@@ -205,7 +203,7 @@ template <class V>
 void describe(V& v, ImportOptions& o) {
   v.field("device", o.device, "auto (a GPU if there is one), cpu, cuda or cuda:N");
   v.field("recording", o.recording, "the recording, a file or a folder");
-  v.field("frames", o.frames, "folder of frames, or a video, where they are not in the recording");
+  v.field("frames", o.frames, "folder of frames, or a video, if they are not in the recording");
   v.field(
       "events_group", o.events_group,
       "which of several event streams of an HDF5 file: the group of x, y, t, p, or the data set; "
@@ -214,16 +212,16 @@ void describe(V& v, ImportOptions& o) {
   v.field(
       "frames_topic", o.frames_topic,
       "which topic of images of a ROS bag; empty: pictures before depth, then the first by name");
-  v.group("time", o.time, "when frames were exposed");
-  v.group("sensor", o.sensor, "the sensor of the events");
+  v.group("time", o.time, "exposure times of the frames");
+  v.group("sensor", o.sensor, "the event sensor");
   v.group("lens", o.lens, "the lens, and a second camera");
   v.group("events", o.events, "how events become voxels and EDI");
   v.group("efnet", o.efnet, "the frozen learned restorer F");
   v.group("cache", o.cache, "restorations on disk");
   v.group("latents", o.latents, "sharp images for structure from motion");
   v.group("poses", o.poses, "structure from motion");
-  v.group("correct", o.correct, "faults of the lens that are taken out of the frames");
-  v.group("test", o.test, "frames that judge the scene");
+  v.group("correct", o.correct, "faults of the lens to correct in the frames");
+  v.group("test", o.test, "frames for evaluation");
 }
 
 /// Checks rules between fields. @throws ConfigError naming the keys.

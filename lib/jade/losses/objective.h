@@ -24,7 +24,7 @@ namespace jade::losses {
 enum class Target { kRouted, kEdi, kEfnet, kMean, kBlurry, kImageFolder, kNone };
 
 constexpr auto words_of(Target) {
-  return std::array{Word{"routed", Target::kRouted, "the mix that the allocation decides"},
+  return std::array{Word{"routed", Target::kRouted, "the mix weighted by the allocation"},
                     Word{"edi", Target::kEdi, "EDI alone"},
                     Word{"efnet", Target::kEfnet, "EFNet alone"},
                     Word{"mean", Target::kMean, "the mean of EDI and EFNet"},
@@ -77,28 +77,28 @@ void describe(V& v, ObjectiveOptions& o) {
   v.field("target_weight", o.target_weight, "weight of that term (efnet_weight)", Range{0, 1e3});
   v.fixed("target_weight_final", -1);
   v.field("target_until", o.target_until,
-          "after this step that term and the routing step rest, but see trust.agreement; 0: never",
+          "last step with that term and the routing step, but see trust.agreement; 0: all steps",
           Range{0, 1e9});
   v.field("restored_poses", o.restored_poses,
           "poses of that term, fusion and the routing step; all but middle need a restorer of "
-          "version 2 where the target reads EFNet");
+          "version 2 if the target uses EFNet");
   v.field("blur", o.blur, "L_blur: mean of the renders against the blurry frame");
   v.field("edi_supervision", o.edi_supervision, "L_edi in gray and in colour, at sampled poses");
   v.fixed("edi_weight", kEdiWeight);
   v.field("edi_weight_final", o.edi_weight_final,
-          "weight of both at the end of the run; linear from 1 at its start; below 0: it stays 1",
+          "weight of both at the end of the run; linear from 1 at its start; below 0: constant 1",
           Range{-1, 1e3});
   v.field("edi_contrast", o.edi_contrast,
-          "factor of both thresholds in R of L_edi and L_sim: above 1 the scene is taught steeper "
-          "edges than the events say, worth 0.6 dB (docs/engineering/preset.md); 1 as printed",
+          "factor of both thresholds in R of L_edi and L_sim: above 1 L_edi has steeper edges than "
+          "measured, which gains 0.6 dB (docs/engineering/preset.md); 1 as printed",
           Range{0.1, 10});
   v.field("simulation", o.simulation,
           "L_sim: EDI of the simulated blur, after 28 % of the run (simul_start)");
   v.fixed("simulation_start", o.simulation_start);
   v.field("intensity", o.intensity, "L_int: blur under the camera response");
-  v.field("warmup", o.warmup, "until this step the camera response is the identity and L_int rests",
-          Range{0, 1e9});
-  v.group("trust", o.trust, "which restorations guide the scene to the end");
+  v.field("warmup", o.warmup,
+          "until this step the camera response is the identity and L_int is off", Range{0, 1e9});
+  v.group("trust", o.trust, "which restorations stay targets until the end");
   v.field("event_loss_weight", o.event_loss_weight,
           "weight of L_ev, which costs two more renders; 0 turns it off", Range{0, 1e3});
   v.fixed("event_pixels", o.event_pixels);

@@ -16,8 +16,8 @@ struct TrustOptions {
 template <class V>
 void describe(V& v, TrustOptions& o) {
   v.field("agreement", o.agreement,
-          "after objective.target_until the target stays at the views where L_tgt, before its "
-          "weight, is below this; 0: at none; metrics.jsonl has it as target_distance",
+          "after objective.target_until, L_tgt stays on for views whose L_tgt before its weight is "
+          "below this; 0: for none; logged in metrics.jsonl as target_distance",
           Range{0, 10});
 }
 

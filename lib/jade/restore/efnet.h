@@ -27,8 +27,8 @@ template <class V>
 void describe(V& v, EfnetOptions& o) {
   v.field("path", o.path,
           "TorchScript file of the restorer (scripts/efnet/export_efnet.py); empty: the one that "
-          "comes with the program");
-  v.field("sha256", o.sha256, "SHA-256 that the file must have (sha256sum); empty: not checked");
+          "ships with the program");
+  v.field("sha256", o.sha256, "expected SHA-256 of the file (sha256sum); empty: not checked");
 }
 
 /// How to call a network for frames of a given size, so that its memory stays within a budget.

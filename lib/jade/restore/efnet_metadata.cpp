@@ -77,7 +77,7 @@ RestorerMetadata parse_restorer_metadata(const std::filesystem::path& path,
     m.version = json.at("format_version").get<int64_t>();
     if (m.version < 1 || m.version > kFormatVersion) {
       fail_restorer(path, concat("has format version ", m.version, ", this program reads up to ",
-                                 kFormatVersion, ": update it, or export the restorer anew"));
+                                 kFormatVersion, ": update it, or export the restorer again"));
     }
     const std::string dtype = json.at("dtype").get<std::string>();
     m.stored_as_half = m.version >= 2 && dtype == "float16";

@@ -24,10 +24,10 @@ struct RestorationCacheOptions {
 template <class V>
 void describe(V& v, RestorationCacheOptions& o) {
   v.field("enabled", o.enabled, "keep EFNet results on disk for the next run");
-  v.field(
-      "folder", o.folder,
-      "where, at most 2 GiB; empty: restorations in $JADE_CACHE, else $XDG_CACHE_HOME/jade, else "
-      "~/.cache/jade");
+  v.field("folder", o.folder,
+          "folder, limited to 2 GiB; empty: restorations in $JADE_CACHE, else "
+          "$XDG_CACHE_HOME/jade, else "
+          "~/.cache/jade");
   v.fixed("max_mib", o.max_mib);
 }
 

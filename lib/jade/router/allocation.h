@@ -38,8 +38,8 @@ struct AllocationOptions {
 
 template <class V>
 void describe(V& v, AllocationOptions& o) {
-  v.field("kind", o.kind, "who decides between EDI (1) and EFNet (0)");
-  v.field("constant", o.constant, "α of kind constant", Range{0, 1});
+  v.field("kind", o.kind, "source of the weight α between EDI (1) and EFNet (0)");
+  v.field("constant", o.constant, "α for kind constant", Range{0, 1});
 }
 
 /// Inputs of an allocation: measurements, never restorations.

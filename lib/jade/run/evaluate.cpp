@@ -179,16 +179,16 @@ PosedData load_posed(const fs::path& run, const train::RunOptions& options) {
   if (checkpoints.empty()) {
     log_warn(concat(run.string(),
                     ": its poses are learned, and there is no checkpoint yet; the "
-                    "views stand where the data have them"));
+                    "views have the data's poses"));
     return {dataset, {}};
   }
   PosedData posed = from_newest(checkpoints, [&](const fs::path& checkpoint) -> PosedData {
     load_checkpoint_gaussians(checkpoint);
     return {with_poses_of(checkpoint, dataset, options), checkpoint};
   });
-  log_warn(concat(run.string(), ": its poses are learned and not final: exposures stand as in ",
-                  posed.checkpoint.filename().string(),
-                  "; test views are fitted at the end of the run"));
+  log_warn(concat(
+      run.string(), ": its poses are learned and not final: exposures have the poses of ",
+      posed.checkpoint.filename().string(), "; test views are fitted at the end of the run"));
   return posed;
 }
 

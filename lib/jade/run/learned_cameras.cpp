@@ -194,7 +194,7 @@ void read_learned_cameras(const std::filesystem::path& path, data::Dataset& data
         path.string(), ": expected camera ", expected[i].name, ", ", expected[i].camera.width, "x",
         expected[i].camera.height, ", as in the data set, found ",
         i < found.size() ? found[i].name : "none",
-        "; are these the data of that run? If so, jade_train --resume writes the file anew"));
+        "; are these the data of that run? If so, jade_train --resume writes the file again"));
   }
   size_t next = 0;
   for (data::SharpView& view : dataset.test) view.pose = found[next++].camera_from_world;

@@ -110,13 +110,13 @@ double LiveRun::hold() {
   serve::RenderQueue& queue = server_.queue();
   while (queue.paused() && !interrupt_requested()) {
     if (queue.silence() > patience_) {
-      log_info("the viewers have gone");
+      log_info("no viewer is left");
       queue.set_paused(false);
     } else if (queue.wait(kGlance)) {
       render_one();
     }
   }
-  if (!interrupt_requested()) log_info("the run goes on");
+  if (!interrupt_requested()) log_info("the run continues");
   tell("training");
   return std::chrono::duration<double>(Clock::now() - start).count();
 }

@@ -96,7 +96,7 @@ void settle_thresholds(const data::Dataset& dataset, const std::string& fingerpr
                       measured.positive, " and ", measured.negative, " (they explain ",
                       percent_explained(found), " of the change between frames); the configured ",
                       "ones are used, --set events.threshold_positive=auto --set ",
-                      "events.threshold_negative=0 takes the measured ones"));
+                      "events.threshold_negative=0 uses the measured ones"));
     }
     return;
   }

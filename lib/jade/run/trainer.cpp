@@ -152,7 +152,7 @@ bool Trainer::resume_from(const std::string& choice) {
     if (directory_.holds_results()) {
       throw ConfigError(concat(directory_.path().string(),
                                ": expected a checkpoint to go on from, found a scene without one; ",
-                               "name another --output, or remove the scene to start anew"));
+                               "name another --output, or remove the scene to start again"));
     }
     // A run that was killed before its first checkpoint, or the first start by a script.
     log_info(concat(directory_.path().string(), ": no checkpoint yet; starting at step 0"));

@@ -20,10 +20,10 @@ template <class V>
 void describe(V& v, MotionOptions& o) {
   v.field("blur_px", o.blur_px, "mean length of the blur over an exposure, px; sets the speed",
           Range{0.1, 200});
-  v.field("reach", o.reach, "size of the camera's excursions, 1 fits the scene", Range{0.01, 1.5});
+  v.field("reach", o.reach, "amplitude of the camera's motion; 1 fits the scene", Range{0.01, 1.5});
   v.field("rest", o.rest,
-          "part of each rest_period_ms in which the camera stands still; in what is left of it it "
-          "goes as far, and so is faster",
+          "part of each rest_period_ms in which the camera is static; it catches up in the "
+          "remaining time, and so is faster",
           Range{0, 0.95});
   v.field("rest_period_ms", o.rest_period_ms, "from one rest to the next, ms", Range{1, 1e5});
 }

@@ -82,12 +82,12 @@ class Launcher {
     }
     const RunState state = output_.state(id);
     if (state == RunState::kRunning) {
-      log_warn(id + ": another program trains it now; left alone");
+      log_warn(id + ": another program trains it; skipped");
     } else if (wants_attempt(output_, id, options_.retry_failed)) {
       waiting_.emplace_back(id, steps);
       return;
     } else if (state == RunState::kFailed) {
-      log_warn(concat(id, ": ", describe(outcome), "; left alone, --retry-failed starts it again"));
+      log_warn(concat(id, ": ", describe(outcome), "; skipped, --retry-failed starts it again"));
       ++failed_;
     } else {
       ++finished_;

@@ -17,9 +17,9 @@ namespace jade::train {
 enum class LearnGains { kAuto, kOn, kOff };
 
 constexpr auto words_of(LearnGains) {
-  return std::array{Word{"auto", LearnGains::kAuto, "where the data set has gains that differ"},
-                    Word{"on", LearnGains::kOn, "from those of the data set, 1 where it has none"},
-                    Word{"off", LearnGains::kOff, "those of the data set stay"}};
+  return std::array{Word{"auto", LearnGains::kAuto, "if the data set has gains that differ"},
+                    Word{"on", LearnGains::kOn, "start from those of the data set, or 1"},
+                    Word{"off", LearnGains::kOff, "keep those of the data set"}};
 }
 
 /// The configuration group `gains`.
@@ -34,7 +34,7 @@ constexpr double kGainPriorWeight = 0.01;
 
 template <class V>
 void describe(V& v, GainOptions& o) {
-  v.field("optimize", o.optimize, "learn how bright each frame is against the scene");
+  v.field("optimize", o.optimize, "learn the brightness of each frame relative to the scene");
   v.fixed("lr", o.lr);
   v.fixed("prior_weight", kGainPriorWeight);
 }

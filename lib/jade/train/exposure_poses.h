@@ -18,7 +18,7 @@ namespace jade::train {
 enum class PosePath { kNone, kLinear, kCubic };
 
 constexpr auto words_of(PosePath) {
-  return std::array{Word{"none", PosePath::kNone, "the poses of the data stay"},
+  return std::array{Word{"none", PosePath::kNone, "keep the data's poses"},
                     Word{"linear", PosePath::kLinear, "between two poses in SE(3)"},
                     Word{"cubic", PosePath::kCubic, "along a B-spline of four poses"}};
 }
@@ -29,7 +29,7 @@ enum class PoseStart { kLine, kData };
 constexpr auto words_of(PoseStart) {
   return std::array{
       Word{"line", PoseStart::kLine, "the line from the exposure's first pose to its last"},
-      Word{"data", PoseStart::kData, "the data's path, which a correction along it bends"}};
+      Word{"data", PoseStart::kData, "the data's path, multiplied by a correction"}};
 }
 
 struct PoseOptions {
@@ -48,14 +48,13 @@ constexpr double kPoseLrFall = 100;
 template <class V>
 void describe(V& v, PoseOptions& o) {
   v.field("optimize", o.optimize, "learn the camera's path through each exposure");
-  v.field("start", o.start, "where a learned path starts and what its twists move");
-  v.field(
-      "control_poses", o.control_poses,
-      "twists per exposure of a cubic correction (start data): the more, the faster an error it "
-      "follows; other cubic paths have 4",
-      Range{4, 64});
+  v.field("start", o.start, "initial path, which the learned twists change");
+  v.field("control_poses", o.control_poses,
+          "twists per exposure of a cubic correction (start data): more follow faster errors; "
+          "other cubic paths have 4",
+          Range{4, 64});
   v.field("lr", o.lr,
-          "Adam step size of the poses at step 0; falls log-linearly, to a hundredth after 1.2 "
+          "Adam step size of the poses at step 0; decreases log-linearly, to a hundredth after 1.2 "
           "times the steps of the run",
           Range{0, 1});
   v.fixed("lr_final", [&o] { return o.lr / kPoseLrFall; });
@@ -63,8 +62,8 @@ void describe(V& v, PoseOptions& o) {
   v.fixed("prior_px", 0);
   v.fixed("prior_weight", 2.5e-4);
   v.field("test_fit_steps", o.test_fit_steps,
-          "where poses are learned: steps that fit the pose of each test view to its image, the "
-          "scene held, before it is scored",
+          "if poses are learned: steps to fit the pose of each test view to its image, with the "
+          "scene fixed, before scoring",
           Range{0, 1e6});
 }
 

@@ -19,7 +19,7 @@ enum class LearnPattern { kAuto, kOn, kOff };
 
 constexpr auto words_of(LearnPattern) {
   return std::array{Word{"auto", LearnPattern::kAuto,
-                         "where the frames show one and the camera moves in two directions"},
+                         "if the frames show one and the camera moves in two directions"},
                     Word{"on", LearnPattern::kOn}, Word{"off", LearnPattern::kOff}};
 }
 
@@ -35,8 +35,8 @@ struct PatternOptions {
 template <class V>
 void describe(V& v, PatternOptions& o) {
   v.field("learn", o.learn,
-          "learn the offsets that all frames have at the same pixels, so that they do not become "
-          "scene");
+          "learn offsets per sensor pixel that all frames share, so that the scene does not model "
+          "them");
 }
 
 /// Offsets that all frames of one sensor share.

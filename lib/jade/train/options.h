@@ -44,18 +44,17 @@ struct TrainOptions {
 
 template <class V>
 void describe(V& v, TrainOptions& o) {
-  v.field("iterations", o.iterations, "training steps; the paper's budget is 25000", Range{1, 1e8});
+  v.field("iterations", o.iterations, "training steps; 25000 in the paper", Range{1, 1e8});
   v.field("calendar", o.calendar,
-          "steps that shares of the run (such as 6%) are of; 0: train.iterations. A resumed run "
-          "keeps those it began with",
+          "number of steps to which shares of the run (such as 6%) refer; 0: train.iterations. A "
+          "resumed run keeps its initial value",
           Range{0, 1e8});
-  v.field(
-      "quarter_moments_until", o.quarter_moments_until,
-      "until this step an exposure has every fourth of its moments (exposure.samples): 5 of 17; "
-      "0: never",
-      Range{0, 1e9});
+  v.field("quarter_moments_until", o.quarter_moments_until,
+          "until this step render every fourth moment of an exposure (exposure.samples): 5 of 17; "
+          "0: never",
+          Range{0, 1e9});
   v.field("half_moments_until", o.half_moments_until,
-          "then until this step every second: 9 of 17; 0: never", Range{0, 1e9});
+          "then until this step every second moment: 9 of 17; 0: never", Range{0, 1e9});
   v.fixed("sh_degree_every", o.sh_degree_every);
   v.field("log_every", o.log_every, "steps between lines of metrics.jsonl", Range{1, 1e8});
   v.field("evaluate_every", o.evaluate_every,
@@ -73,12 +72,12 @@ struct SplatOptions {
 
 template <class V>
 void describe(V& v, SplatOptions& o) {
-  v.field(
-      "near_plane", o.near_plane,
-      "Gaussians nearer to a camera than this, in units of the scene, are not rendered; 0: as the "
-      "run starts, 0.2 as in the published 3DGS, but at most half the near depth bound of the "
-      "data set",
-      Range{0, 1e6});
+  v.field("near_plane", o.near_plane,
+          "Gaussians nearer to a camera than this, in units of the scene, are not rendered; 0: "
+          "chosen at the start of the run, 0.2 as in the published 3DGS, but at most half the near "
+          "depth bound of the "
+          "data set",
+          Range{0, 1e6});
 }
 
 struct CheckpointOptions {
@@ -90,8 +89,7 @@ struct CheckpointOptions {
 template <class V>
 void describe(V& v, CheckpointOptions& o) {
   v.field("every", o.every,
-          "steps between checkpoints, of which the newest two stay; 0: only at the end",
-          Range{0, 1e8});
+          "steps between checkpoints; the newest two are kept; 0: only at the end", Range{0, 1e8});
   v.fixed("keep", o.keep);
 }
 
@@ -123,10 +121,10 @@ struct RunOptions {
 
 template <class V>
 void describe(V& v, RunOptions& o) {
-  v.field("seed", o.seed, "seed of every random draw", Range{0, 9e15});
+  v.field("seed", o.seed, "seed of all random numbers", Range{0, 9e15});
   v.field("device", o.device, "auto (a GPU if there is one), cpu, cuda or cuda:N");
   v.field("deterministic", o.deterministic,
-          "bit-identical results on a GPU too, somewhat slower; the CPU always is");
+          "bit-identical results on a GPU too, somewhat slower; on the CPU always");
   v.group("dataset", o.dataset, "where the frames, events and poses are");
   v.group("exposure", o.exposure, "the integral over an exposure");
   v.group("events", o.events, "how events become voxels and EDI");
@@ -138,15 +136,15 @@ void describe(V& v, RunOptions& o) {
   v.group("splat", o.splat, "how the Gaussians are rendered");
   v.group("response", o.response, "the camera response ρ");
   v.group("poses", o.poses, "the cameras of the exposures");
-  v.group("gains", o.gains, "brightness of the frames of a camera that adjusts itself");
+  v.group("gains", o.gains, "brightness of the frames of a camera with automatic exposure");
   v.group("pattern", o.pattern, "the fixed pattern of the frame sensor");
   v.group("allocation", o.allocation, "the weight between the two restorations, Eq. (3)");
   v.group("route", o.route, "routing step, Eq. (6)");
   v.renamed("crf", "response");
   v.renamed("scene", "objective");
-  v.group("objective", o.objective, "what the scene step minimises, Eq. (8) to (10)");
-  v.group("train", o.train, "the calendar of a run");
-  v.group("checkpoint", o.checkpoint, "what a run can be resumed from");
+  v.group("objective", o.objective, "objective of the scene step, Eq. (8) to (10)");
+  v.group("train", o.train, "the schedule of a run");
+  v.group("checkpoint", o.checkpoint, "checkpoints to resume from");
 }
 
 /// The paper's method with its inherited settings, except that densification counts all poses and

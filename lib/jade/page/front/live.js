@@ -89,9 +89,9 @@ export function judgement(psnr, camera, state, lines) {
 /** Message for a page that has lost the connection to its program. */
 export function farewell(state, { report, pausable }) {
   const where = report ? ` The finished scene: ${report}.` : '';
-  if (!pausable) return 'jade_view has ended or cannot be reached. The page goes on by itself once it answers.';
+  if (!pausable) return 'jade_view has ended or cannot be reached. The page continues once it answers.';
   if (state && state.step === state.steps) return `Training has ended.${where}`;
-  return 'The program that trains has ended or cannot be reached: --resume goes on with a run that was stopped, and so does this page once there is an answer.';
+  return 'The program that trains has ended or cannot be reached: --resume continues a stopped run, and this page continues once there is an answer.';
 }
 
 /** Camera of the same view at `scale` times as many pixels, rounded. */
