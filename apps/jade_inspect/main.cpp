@@ -52,6 +52,9 @@ ExitCode inspect(const train::RunOptions& settings, double log_offset,
   inspection.dataset = data::load_dataset(options, &inspection.problems);
   inspection.thresholds = run::measure_thresholds(
       inspection.dataset, run::data_fingerprint(inspection.dataset), log_offset, settings.cache);
+  if (inspection.thresholds.flip) {
+    inspection.problems.push_back(run::flip_warning(inspection.dataset, inspection.thresholds));
+  }
   inspection.pattern = data::estimate_pattern(inspection.dataset);
   if (program.json()) {
     std::printf("%s\n", apps::to_json(inspection)

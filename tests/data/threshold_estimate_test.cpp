@@ -140,6 +140,21 @@ TEST_CASE("thresholds: events of one polarity tell of none", "[data]") {
   }
 }
 
+TEST_CASE("thresholds: flipped events are not found, and their flip is named", "[data]") {
+  const Dataset data = sliding_pattern({0.25, 0.18}, 0, 0);
+  CHECK_FALSE(estimate_of(data, 0).flip);
+  // This pattern looks much alike upside down.
+  for (const EventFlip& flip : {EventFlip{true, false, false}, EventFlip{false, false, true}}) {
+    Dataset flipped = data;
+    flipped.events = flip.undone(data.events, {kSize, kSize});
+    const ThresholdEstimate estimate = estimate_of(flipped, 0);
+    CAPTURE(flip.name(), estimate.thresholds.positive, estimate.unexplained);
+    CHECK_FALSE(estimate.found);
+    REQUIRE(estimate.flip);
+    CHECK(estimate.flip->name() == flip.name());
+  }
+}
+
 TEST_CASE("thresholds: nothing is claimed without events", "[data]") {
   Dataset data = sliding_pattern({0.25, 0.25}, 0, 0);
   data.events = events::EventStream();

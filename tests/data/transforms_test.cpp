@@ -482,6 +482,17 @@ TEST_CASE("transforms: coefficients beside camera_model PINHOLE are used, with a
   CHECK_FALSE(test::mentions(none, "PINHOLE"));
 }
 
+TEST_CASE("transforms: a principal point of 0 gives way to the middle, with a warning", "[data]") {
+  const test::TempDir folder;
+  for (const bool zero : {true, false}) {
+    load_one(folder, zero ? R"("fl_x":15,"cx":0,"cy":0.0,)" : R"("fl_x":15,)");
+    std::vector<std::string> warnings;
+    const Dataset data = load_dataset(at(folder / "room"), &warnings);
+    CHECK(data.train[0].camera.cx == Approx(0.5 * test::kWidth));
+    CHECK(test::mentions(warnings, "principal point") == zero);
+  }
+}
+
 TEST_CASE("transforms: fields of view keep the principal point, and y has its own", "[data]") {
   const test::TempDir folder;
   const auto camera = [&](const std::string& keys) {

@@ -507,6 +507,11 @@ TEST_CASE("event files: times that lost their digits are refused, others are not
              jade::test::naming("2000 events at 2 times", "128.5"));
   CHECK_THAT(message([](int i) { return 0.5 + 1.0 * (i / 100); }),
              jade::test::naming("2000 events at 20 times"));
+  // Seconds since 1970 that were float32 once; whole numbers are taken for microseconds.
+  CHECK_THAT(message([](int i) { return 1.6e9 + 128 * (i / 2000); }, 8000),
+             jade::test::naming("float32", "128", "digits"));
+  CHECK(message([](int i) { return 1.6e9 + 128 * i; }).empty());
+  CHECK(message([](int i) { return 1.6e9 + i / 500; }).empty());
   CHECK(message([](int) { return 1.6e9; }, 500).empty());
   CHECK(message([](int i) { return 1e-5 * i; }).empty());
   // A sensor that reads all its pixels at once, 100 times per second.

@@ -99,14 +99,19 @@ TEST_CASE("report: says what came before, where the cameras stand, and holds the
   // The first bytes of a gzip file.
   CHECK(page.find("id=\"spz\">H4sI") != std::string::npos);
 
-  // A Gaussian that is in no picture is omitted; one too far for .spz removes the scene from the
-  // page.
-  for (const auto& [position, element] :
-       {std::pair{INFINITY, "id=\"spz\">H4sI"}, std::pair{1e9F, "id=\"spz\"></script>"}}) {
-    state.gaussians.detached().means[0][0].fill_(position);
+  // The page omits a Gaussian that no picture shows or that is far from all others.
+  const auto embeds_scene = [&] {
     run::write_report(folder, dataset, trainer.bank(), state, trainer.options());
-    CHECK(read_file(folder / "report.html").find(element) != std::string::npos);
+    return read_file(folder / "report.html").find("id=\"spz\">H4sI") != std::string::npos;
+  };
+  torch::Tensor means = state.gaussians.detached().means;
+  for (const float position : {INFINITY, 1e9F}) {
+    means[0][0].fill_(position);
+    CHECK(embeds_scene());
   }
+  // A scene of which .spz can hold nothing.
+  means.fill_(1e9F);
+  CHECK_FALSE(embeds_scene());
 }
 
 TEST_CASE("report: without a truth or a second restoration the choice is not judged", "[run]") {

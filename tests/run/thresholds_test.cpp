@@ -132,6 +132,16 @@ TEST_CASE("thresholds: auto becomes what the data tell, kept with the restoratio
   CHECK(a.options.events.threshold_positive == 0.25);
 }
 
+TEST_CASE("thresholds: reversed polarity is warned of, with numbers and without", "[run]") {
+  data::Dataset scene = sliding_scene();
+  scene.events = data::EventFlip{false, false, true}.undone(scene.events, {1, 1});
+  Settling a;
+  CHECK_THAT(a.settle(scene), Catch::Contains("polarit") && Catch::Contains("0.25"));
+  a.options.events = {};
+  a.options.events.threshold_positive = 0.2;
+  CHECK_THAT(a.settle(scene), Catch::Contains("polarit"));
+}
+
 TEST_CASE("thresholds: numbers win over what is measured, and a negative one alone does", "[run]") {
   const data::Dataset& scene = sliding_scene();
   Settling a;

@@ -27,11 +27,9 @@ bool is_neighbour(const Exposure& a, const Exposure& b) {
   return gap >= -a.duration_us() / 20 && gap <= std::max<int64_t>(3 * a.duration_us(), 100000);
 }
 
-}  // namespace
-
-ThresholdEstimate estimate_thresholds(const std::vector<Exposure>& exposures,
-                                      const events::EventStream& events, double log_offset) {
-  const torch::NoGradGuard no_grad;
+/// The estimate for the events as they are.
+ThresholdEstimate fitted(const std::vector<Exposure>& exposures, const events::EventStream& events,
+                         double log_offset) {
   ThresholdEstimate estimate;
   const std::vector<Exposure> some = middle_of(exposures);
   if (events.empty() || some.size() < kFewestExposures) return estimate;
@@ -63,6 +61,23 @@ ThresholdEstimate estimate_thresholds(const std::vector<Exposure>& exposures,
       fit.unexplained < kMostUnexplained &&
       clear(fit.thresholds.positive, fit.spread.positive, fit.standard_error.positive) &&
       clear(fit.thresholds.negative, fit.spread.negative, fit.standard_error.negative);
+  return estimate;
+}
+
+}  // namespace
+
+ThresholdEstimate estimate_thresholds(const std::vector<Exposure>& exposures,
+                                      const events::EventStream& events, double log_offset) {
+  const torch::NoGradGuard no_grad;
+  ThresholdEstimate estimate = fitted(exposures, events, log_offset);
+  if (estimate.found || events.empty() || exposures.empty()) return estimate;
+  const events::ImageSize size{exposures[0].blurry.size(-2), exposures[0].blurry.size(-1)};
+  double least = 1;
+  for (const EventFlip& flip : kEventFlips) {
+    const ThresholdEstimate other = fitted(exposures, flip.undone(events, size), log_offset);
+    if (!other.found || other.unexplained >= least) continue;
+    estimate.flip = flip, least = other.unexplained;
+  }
   return estimate;
 }
 

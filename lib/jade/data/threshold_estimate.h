@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "jade/data/event_flip.h"
 #include "jade/data/exposure.h"
 #include "jade/events/thresholds.h"
 
@@ -20,6 +22,8 @@ struct ThresholdEstimate {
   double frame_noise = 0;  ///< estimated standard deviation of a frame's pixel, in units of white
   double unexplained = 1;  ///< unexplained share of the squared changes: 0 perfect, 1 useless
   bool found = false;      ///< false if there are too few events or frames, or they disagree
+  /// Set if thresholds are not found for the events as they are, but without this flip.
+  std::optional<EventFlip> flip;
 };
 
 /// Estimates Θ⁺ and Θ⁻ from the consistency of neighbouring exposures (event_consistency.h). Within

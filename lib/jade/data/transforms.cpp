@@ -132,6 +132,18 @@ void tell_contradicting_models(const fs::path& path, size_t count, const std::st
                "already, remove the coefficients");
 }
 
+/// True if the frame, or else the file, gives 0 for this key.
+bool gives_zero(const json& root, const json& frame, const char* key) {
+  const json& object = frame.contains(key) ? frame : root;
+  return object.contains(key) && object[key] == 0;
+}
+
+void tell_zero_centres(const fs::path& path, size_t count, const Warnings& warnings) {
+  if (count == 0) return;
+  warnings.add(path.string(), ": ", count, " frames have a principal point (cx, cy) with a 0, ",
+               "which is a corner of the image; its middle is used instead");
+}
+
 /// A file and the views whose images are there.
 struct TransformsFile {
   fs::path path;
@@ -160,7 +172,7 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
   std::vector<ListedView> views;
   NamedFiles files{path.parent_path(), image_folder, {}, {}};
   if (!image_folder.empty()) find_image_folder(path.parent_path(), image_folder);
-  size_t contradicting = 0;
+  size_t contradicting = 0, zero_centres = 0;
   std::string contradicting_model;
   for (const json& frame : root["frames"]) {
     const std::string where = concat(path.string(), " frame ", views.size() + files.missing.size());
@@ -170,6 +182,7 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
     if (view.path.empty()) continue;
     view.mask = mask_of(path.parent_path(), image_folder, frame, where);
     view.camera = camera_of_frame(root, frame, where);
+    if (gives_zero(root, frame, "cx") || gives_zero(root, frame, "cy")) ++zero_centres;
     view.lens = lens_of_frame(root, frame, where);
     const std::string model = camera_model_of(root, frame);
     const bool is_pinhole = model == "PINHOLE" || model == "SIMPLE_PINHOLE";
@@ -195,6 +208,7 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
   }
   check_listed_once(path, views);
   tell_contradicting_models(path, contradicting, contradicting_model, warnings);
+  tell_zero_centres(path, zero_centres, warnings);
   tell_moved(path, files.moved, warnings);
   tell_missing(path, files, root["frames"].size(), warnings);
   if (views.empty()) throw DataError(concat(path.string(), ": has no frames"));

@@ -68,11 +68,33 @@ void check_resolution(const std::filesystem::path& path, double smallest, double
                          "source"));
 }
 
+namespace {
+
+/// Whole numbers that were rounded to float32 on their way, at a rate that no camera sends.
+void check_rounding(const std::filesystem::path& path, const torch::Tensor& time, TimeUnit unit) {
+  constexpr double kMostPerSecond = 1e7;
+  const auto [low, high] = time.to(torch::kFloat64).aminmax();
+  const double largest = std::max(std::abs(low.item<double>()), std::abs(high.item<double>()));
+  if (largest < std::ldexp(1.0, 25)) return;  // float32 holds whole numbers up to 2^24
+  const double span_us = (high - low).item<double>() * us_per_unit(unit);
+  if (span_us == 0 || 1e6 * double(time.numel()) <= kMostPerSecond * span_us) return;
+  const torch::Tensor value = time.to(torch::kFloat64);
+  if (!value.eq(value.to(torch::kFloat32).to(torch::kFloat64)).all().item<bool>()) return;
+  throw DataError(concat(path.string(), ": found ", time.numel(), " event times near ", largest,
+                         ", all of which float32 can hold, one every ",
+                         std::ldexp(1.0, std::ilogb(largest) - 23),
+                         ": digits were lost; write the times again from the recording's own "
+                         "source, as float64 or as integers"));
+}
+
+}  // namespace
+
 void check_digits(const std::filesystem::path& path, const torch::Tensor& time, TimeUnit unit) {
   constexpr int64_t kTelling = 1000;  // events
   constexpr double kCoarsestUs = 1000, kLongUs = 100000;
   constexpr int64_t kFew = 16, kCrowd = 50;  // times; events at each
   if (time.numel() < kTelling) return;
+  check_rounding(path, time, unit);
   // Stop when two times are closer than this: usually the first two that differ.
   const double close = kCoarsestUs / us_per_unit(unit);
   const auto has_close_times = [&](const auto* t) {

@@ -34,7 +34,8 @@ void check_resolution(const std::filesystem::path& path, double smallest, double
 
 /// @param time  float64 or int64 [N], as stored
 /// @throws DataError if a thousand events or more lie on a few times, 1 ms apart or more, or all on
-///   one: their last digits were lost before they were stored.
+///   one, or if all times are whole numbers rounded to float32 at more than 1e7 events per second:
+///   their last digits were lost before they were stored.
 void check_digits(const std::filesystem::path& path, const torch::Tensor& time, TimeUnit unit);
 
 /// A warning if times in the guessed unit have the rate of a recording in milliseconds: seconds

@@ -15,8 +15,8 @@
 #include "jade/import/blur_length.h"
 #include "jade/import/clock_offset.h"
 #include "jade/import/exposure_length.h"
+#include "jade/import/flipped_events.h"
 #include "jade/import/frame_gains.h"
-#include "jade/import/mirroring.h"
 
 namespace jade::import {
 namespace {
@@ -115,10 +115,10 @@ double median_of(std::vector<double> values) {
 }
 
 /// Frames with unknown exposures count as instantaneous.
-std::string mirroring_of(const Capture& capture, const events::EventStream& events) {
+std::string flip_of(const Capture& capture, const events::EventStream& events) {
   std::vector<data::Exposure> exposures;
   for (const Shot& shot : capture.shots) exposures.push_back(exposure_of(shot, capture));
-  return find_mirroring(exposures, events, estimate_clock_offset(exposures, events).correlation);
+  return find_flip(exposures, events, estimate_clock_offset(exposures, events).correlation);
 }
 
 }  // namespace
@@ -136,11 +136,11 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
   const std::vector<data::Exposure> exposures = exposures_of(capture);
   const events::EventStream events = without(hot_pixels_of(capture), capture);
   const ClockOffset found = estimate_clock_offset(exposures, events);
-  const std::string mirrored = find_mirroring(exposures, events, found.correlation);
-  if (!mirrored.empty()) {
-    if (frames_apart) throw DataError(concat(capture.source, ": ", mirrored));
-    log_warn(concat(capture.source, ": ", mirrored));
-    return {0, "taken for one clock, as events lie mirrored", found.curve};
+  const std::string flip = find_flip(exposures, events, found.correlation);
+  if (!flip.empty()) {
+    if (frames_apart) throw DataError(concat(capture.source, ": ", flip));
+    log_warn(concat(capture.source, ": ", flip));
+    return {0, "taken for one clock, as events are flipped", found.curve};
   }
   if (found.ambiguous() && frames_apart) {
     throw DataError(concat(capture.source,
@@ -176,8 +176,8 @@ ExposureFinding find_exposures(const Capture& capture, std::optional<recording::
   const events::EventStream events = without(hot_pixels_of(capture), capture);
   const ExposureLength found = estimate_exposure_length(frames, events, stamp);
   if (found.ambiguous()) {
-    const std::string mirrored = mirroring_of(capture, events);
-    if (!mirrored.empty()) throw DataError(concat(capture.source, ": ", mirrored));
+    const std::string flip = flip_of(capture, events);
+    if (!flip.empty()) throw DataError(concat(capture.source, ": ", flip));
     throw DataError(concat(capture.source,
                            ": expected exposures with a length, found frames with one time each, "
                            "and frames and events do not tell the length: ",

@@ -14,6 +14,7 @@
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
 #include "jade/eval/metrics.h"
+#include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/spz_file.h"
 #include "jade/imaging/image_io.h"
 #include "jade/page/base64.h"
@@ -160,10 +161,24 @@ splat::Gaussians on_cpu(splat::Gaussians gaussians) {
 }
 
 /// The scene as embedded in the page, or empty if .spz cannot represent it: the page then shows
-/// only pictures.
+/// only pictures. Omits Gaussians 1,000 times as far away as the median: one of them would cost all
+/// positions their last digits.
 std::string packed_scene(const splat::Gaussians& gaussians) {
+  constexpr double kFarthest = 1000;
+  torch::Tensor near = torch::arange(gaussians.size());
+  if (gaussians.size() > 0) {
+    const torch::Tensor distance = gaussians.means.abs().amax(1);
+    near = distance.gt(kFarthest * distance.median()).logical_not().nonzero().flatten();
+  }
+  if (near.numel() < gaussians.size()) {
+    log_info(concat("report.html leaves out ", gaussians.size() - near.numel(),
+                    " Gaussians that lie ", kFarthest, " times as far away as the median"));
+  }
   try {
-    return gaussians::encode_spz(gaussians, kEmbedded);
+    return gaussians::encode_spz(
+        gaussians::map_parameters(
+            gaussians, [&](const torch::Tensor& value) { return value.index_select(0, near); }),
+        kEmbedded);
   } catch (const DataError& problem) {
     log_warn(concat("report.html shows no scene in 3D: ", problem.what()));
     return {};

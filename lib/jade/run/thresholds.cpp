@@ -36,10 +36,11 @@ std::vector<data::Exposure> seen_by_events(const data::Dataset& dataset) {
 
 /// Converts an estimate to an entry of the cache, and back.
 torch::Tensor entry_of(const data::ThresholdEstimate& e) {
-  return torch::tensor(
-             {e.thresholds.positive, e.thresholds.negative, e.spread.positive, e.spread.negative,
-              double(e.pixels), e.residual, e.unexplained, e.found ? 1.0 : 0.0},
-             torch::kFloat32)
+  const data::EventFlip flip = e.flip.value_or(data::EventFlip{});
+  return torch::tensor({e.thresholds.positive, e.thresholds.negative, e.spread.positive,
+                        e.spread.negative, double(e.pixels), e.residual, e.unexplained,
+                        double(e.found), double(flip.x), double(flip.y), double(flip.polarity)},
+                       torch::kFloat32)
       .reshape({1, 1, -1});
 }
 
@@ -52,6 +53,8 @@ data::ThresholdEstimate estimate_from(const torch::Tensor& entry) {
   e.residual = v[5];
   e.unexplained = v[6];
   e.found = v[7] > 0;
+  const data::EventFlip flip{v[8] > 0, v[9] > 0, v[10] > 0};
+  if (flip.x || flip.y || flip.polarity) e.flip = flip;
   return e;
 }
 
@@ -71,13 +74,21 @@ data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
   if (dataset.events.empty() || dataset.train.empty()) return {};
   restore::RestorationCache cache(cache_options);
   // Another version of the program may measure differently.
-  const std::string recipe = concat("thresholds 1; ", version(), " ", git_commit(), "; offset ",
+  const std::string recipe = concat("thresholds 2; ", version(), " ", git_commit(), "; offset ",
                                     log_offset, "; ", fingerprint);
   const Progress progress("measuring thresholds", 1, 0, "data sets");
-  const torch::Tensor entry = cache.get(restore::restoration_key(recipe, {}), {1, 1, 8}, [&] {
+  const torch::Tensor entry = cache.get(restore::restoration_key(recipe, {}), {1, 1, 11}, [&] {
     return entry_of(data::estimate_thresholds(seen_by_events(dataset), dataset.events, log_offset));
   });
   return estimate_from(entry);
+}
+
+std::string flip_warning(const data::Dataset& dataset, const data::ThresholdEstimate& estimate) {
+  if (!estimate.flip) return "";
+  const torch::Tensor& frame = dataset.train.front().blurry;
+  return concat(dataset.root.string(), ": events are ", estimate.flip->name(),
+                " against the frames: contrast thresholds are found only when that is undone; ",
+                estimate.flip->cure({frame.size(-2), frame.size(-1)}));
 }
 
 void settle_thresholds(const data::Dataset& dataset, const std::string& fingerprint,
@@ -88,6 +99,7 @@ void settle_thresholds(const data::Dataset& dataset, const std::string& fingerpr
   const data::ThresholdEstimate found =
       measure_thresholds(dataset, fingerprint, log_offset, options.cache);
   const events::Thresholds& measured = found.thresholds;
+  if (found.flip) log_warn(flip_warning(dataset, found));
   if (!automatic) {
     if (found.found && (disagrees(configured.positive, measured.positive) ||
                         disagrees(configured.negative, measured.negative))) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/import/mirroring.h"
+#include "jade/import/flipped_events.h"
 
 #include "support/catch.h"
 
@@ -11,7 +11,7 @@
 
 using namespace jade;
 
-TEST_CASE("mirroring: events whose axes run the other way are named, others are not", "[import]") {
+TEST_CASE("flips: events with opposite axes or polarity are named, others are not", "[import]") {
   simulate::EventSensorOptions sensor;
   sensor.threshold_positive = 0.2, sensor.threshold_negative = 0.25;
   test::PatternMotion motion;
@@ -26,12 +26,16 @@ TEST_CASE("mirroring: events whose axes run the other way are named, others are 
     const auto said = [&](const torch::Tensor& columns, const torch::Tensor& rows) {
       const events::EventStream events(columns, rows, e.t_us(), e.polarity());
       const double correlation = import::estimate_clock_offset(exposures, events).correlation;
-      return import::find_mirroring(exposures, events, correlation);
+      return import::find_flip(exposures, events, correlation);
     };
     CHECK(said(e.x(), e.y()).empty());
     CHECK_THAT(said(e.x(), y), Catch::Contains("upside down") && Catch::EndsWith("y by 47 - y"));
     CHECK_THAT(said(x, e.y()), Catch::Contains("left to right") && Catch::EndsWith("x by 63 - x"));
     CHECK_THAT(said(x, y), Catch::EndsWith("x by 63 - x and y by 47 - y"));
+    const events::EventStream reversed(e.x(), e.y(), e.t_us(), -e.polarity());
+    CHECK_THAT(import::find_flip(exposures, reversed,
+                                 import::estimate_clock_offset(exposures, reversed).correlation),
+               Catch::Contains("reversed polarity"));
     torch::manual_seed(1);
     CHECK(said(torch::rand({e.size()}) * 63, torch::rand({e.size()}) * 47).empty());
   }
