@@ -15,9 +15,9 @@ events::EventStream EventFlip::undone(const events::EventStream& events,
 }
 
 std::string EventFlip::name() const {
-  if (polarity) return "with reversed polarity";
-  if (x && y) return "turned by 180 degrees";
-  return x ? "mirrored left to right" : "upside down";
+  if (polarity) return "have reversed polarity";
+  if (x && y) return "lie turned by 180 degrees";
+  return x ? "lie mirrored left to right" : "lie upside down";
 }
 
 std::string EventFlip::cure(const events::ImageSize& size) const {

@@ -31,7 +31,7 @@ std::string find_flip(const std::vector<data::Exposure>& exposures,
     best = &flip, highest = found.correlation;
   }
   if (best == nullptr) return "";
-  return concat("events are ", best->name(), " against the frames: correlation ",
+  return concat("events ", best->name(), " against the frames: correlation ",
                 rounded(std::max(correlation, 0.0)), " as they are, ", rounded(highest),
                 " otherwise; ", best->cure(size));
 }

@@ -86,7 +86,7 @@ data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
 std::string flip_warning(const data::Dataset& dataset, const data::ThresholdEstimate& estimate) {
   if (!estimate.flip) return "";
   const torch::Tensor& frame = dataset.train.front().blurry;
-  return concat(dataset.root.string(), ": events are ", estimate.flip->name(),
+  return concat(dataset.root.string(), ": events ", estimate.flip->name(),
                 " against the frames: contrast thresholds are found only when that is undone; ",
                 estimate.flip->cure({frame.size(-2), frame.size(-1)}));
 }
