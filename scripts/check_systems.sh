@@ -6,8 +6,8 @@
 #   scripts/check_systems.sh [SUITE...]      default: bookworm trixie
 #
 # Needs root, debootstrap, 15 GB in $TMPDIR and about half an hour per release on two cores. MIRROR=URL replaces Debian's
-# own, and makes other suites possible, such as noble from a mirror of Ubuntu. Each root file system stays where it is for a
-# closer look, and is made anew by the next call. Exit code 1: a command failed in one of them.
+# own, and makes other suites possible, such as noble from a mirror of Ubuntu. Each root file system is kept for a
+# closer look, until the next call replaces it. Exit code 1: a command failed in one of them.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/check_systems.sh; exit ;; esac

@@ -169,7 +169,7 @@ def left_out(streams, numbers):
 
 
 def packets_from_aedat(path):
-    """The same as packets_from_dv() through the aedat package."""
+    """Yields the packets of packets_from_dv() through the aedat package."""
     import aedat
 
     check_header(path)

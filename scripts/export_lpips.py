@@ -90,7 +90,7 @@ class Lpips(nn.Module):
 
 
 def cache_folder() -> Path:
-    """As core/cache_folder.h."""
+    """Cache folder, as in core/cache_folder.h."""
     if os.environ.get("JADE_CACHE"):
         return Path(os.environ["JADE_CACHE"])
     base = Path(os.environ.get("XDG_CACHE_HOME", ""))

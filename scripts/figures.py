@@ -48,7 +48,7 @@ class DataError(Exception):
 
 
 class UsageError(DataError):
-    """The same for the command line."""
+    """An error in the command line."""
 
     code = 2
 

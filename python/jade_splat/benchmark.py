@@ -44,7 +44,7 @@ def hand_shake_path() -> Tensor:
 
 
 def make_workload(name: str, seed: int = 0) -> dict[str, Tensor]:
-    """As make_workload() of apps/jade_bench/workload.cpp: the order of the samples is part of the format."""
+    """Makes the workload of make_workload() in apps/jade_bench/workload.cpp: the order of the samples is part of the format."""
     n, width, height = SIZES[name]
     generator = torch.Generator().manual_seed(seed)
 

@@ -73,7 +73,7 @@ def restore(module: torch.jit.ScriptModule, blurry: Tensor, bins: Tensor, kind: 
 
 
 def ssim(a: Tensor, b: Tensor) -> float:
-    """As in 3DGS: zero padding, biased moments, mean over pixels and channels."""
+    """SSIM as in 3DGS: zero padding, biased moments, mean over pixels and channels."""
     line = torch.exp(-((torch.arange(11) - 5.0) ** 2) / (2 * 1.5**2))
     line = line / line.sum()
     window = (line.view(-1, 1) * line.view(1, -1)).expand(3, 1, 11, 11)

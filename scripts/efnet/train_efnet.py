@@ -284,7 +284,7 @@ class Trainer:
             }
         if self.step >= self.options.max_steps:
             raise DataError(f"--max-steps {self.options.max_steps}: expected more than the {self.step} steps that {folder} has already")
-        # Files of earlier versions lack this; a schedule that was complete starts anew.
+        # Files of earlier versions lack this; a complete schedule starts again.
         schedule = state.get("schedule")
         goes_on = schedule is not None and self.options.max_minutes <= 0 and self.step < schedule["end"]
         self.schedule_begin = schedule["begin"] if goes_on else self.step

@@ -107,7 +107,7 @@ def render_view(means, quats, scales, opacities, colors, viewmat, K, width, heig
 
 def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, height, sh_degree=None,
                   backgrounds=None, render_mode="RGB", rasterize_mode="classic"):
-    """As jade_splat.rasterization, without batches of scenes; returns the views' means2d instead of meta."""
+    """Reference of jade_splat.rasterization, without batches of scenes; returns the views' means2d instead of meta."""
     images, alphas, screens = [], [], []
     for view, (viewmat, K) in enumerate(zip(viewmats, Ks)):
         color = colors[view] if colors.dim() == (3 if sh_degree is None else 4) else colors

@@ -26,7 +26,7 @@ def true_path(times: np.ndarray) -> Poses:
 
 
 def moved(poses: Poses) -> Poses:
-    """The same cameras in other axes and another unit."""
+    """Returns the cameras in other axes and another unit."""
     turn = compare_poses.turned_by(np.array([[0.4, -2.1, 0.9]]))[0]
     return Poses(turn @ poses.axes, 0.37 * poses.centres @ turn.T + np.array([5.0, -3, 8]))
 

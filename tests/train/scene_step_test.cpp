@@ -98,7 +98,7 @@ TEST_CASE(
     const auto plain = with(1, 1), taught = with(1.6, 1), scaled = with(1, 1.6);
     for (const char* name : {"edi_gray", "edi_color", "simulation"}) {
       INFO(name);
-      // Taught factors are float16.
+      // Factors of another contrast are float16.
       CHECK(taught.at(name) == Approx(scaled.at(name)).epsilon(1e-4));
       CHECK(std::abs(taught.at(name) - plain.at(name)) > 1e-4);
     }

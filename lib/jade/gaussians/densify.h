@@ -13,7 +13,7 @@
 
 namespace jade::gaussians {
 
-/// Where strategy mcmc puts the Gaussians that it adds or relocates.
+/// Position of the Gaussians that strategy mcmc adds or relocates.
 enum class McmcCopies { kStacked, kSpread };
 
 constexpr auto words_of(McmcCopies) {
