@@ -31,7 +31,7 @@ TEST_CASE("jade_train: the printed configuration prints itself", "[apps]") {
   CHECK(second.out == first.out);
 }
 
-TEST_CASE("print-config: says what the calendar's shares come to in a run of this length",
+TEST_CASE("print-config: says what the schedule's shares amount to in a run of this length",
           "[apps]") {
   const test::TempDir dir;
   const std::string out = run(dir, "jade_train --print-config --set train.iterations=3000").out;
@@ -115,7 +115,7 @@ TEST_CASE("programs: flags and assignments with a slip get the right one", "[app
 }
 
 TEST_CASE(
-    "jade_train: the path behind it is a data set or the YAML of a scene, a recording is told",
+    "jade_train: the path behind it is a data set or the YAML of a scene, a recording is reported",
     "[apps]") {
   const test::TempDir dir;
   test::write_tiny_dataset(dir / "scene");
@@ -190,7 +190,7 @@ int code_of(const std::function<void()>& body) {
 
 }  // namespace
 
-TEST_CASE("programs: a failure of the GPU is told by its exit code, whoever finds it", "[apps]") {
+TEST_CASE("programs: a failure of the GPU has its own exit code, in any library", "[apps]") {
   const c10::SourceLocation here{__func__, __FILE__, __LINE__};
   CHECK(code_of([] {}) == 0);
   CHECK(code_of([&] { throw c10::AcceleratorError(here, 700, "CUDA error: illegal address"); }) ==
@@ -199,7 +199,7 @@ TEST_CASE("programs: a failure of the GPU is told by its exit code, whoever find
   CHECK(code_of([&] { throw c10::Error(here, "expected a tensor of CUDA error codes"); }) == 1);
 }
 
-TEST_CASE("programs: want of memory is told by its exit code, whoever asked for it", "[apps]") {
+TEST_CASE("programs: lack of memory has its own exit code, for any allocator", "[apps]") {
   CHECK(code_of([] { throw std::bad_alloc(); }) == 4);
   CHECK(code_of([] { torch::empty({int64_t(1) << 48}); }) == 4);  // more than the address space
 }
@@ -233,7 +233,7 @@ TEST_CASE("programs: all answer --version and --help", "[apps]") {
   }
 }
 
-TEST_CASE("programs: whole numbers of flags are decimal, and what is none is told", "[apps]") {
+TEST_CASE("programs: whole numbers of flags are decimal, other text is reported", "[apps]") {
   const test::TempDir dir;
   const Outcome zeros = run(dir, "jade_train --print-config --seed 010 --set train.iterations=010");
   CHECK_THAT(zeros.out, Catch::Contains("\nseed: 10 "));

@@ -212,7 +212,7 @@ TEST_CASE("programs: a scene without Gaussians is none to draw or to write", "[a
   CHECK_FALSE(fs::exists(dir / "out"));
 }
 
-TEST_CASE("jade_export: a wrong --output is told before anything is read or made", "[apps]") {
+TEST_CASE("jade_export: a wrong --output is reported before anything is read or made", "[apps]") {
   const test::TempDir dir;
   const std::string flags = "jade_export --ply missing.ply --output ";
   check_error(run(dir, flags + "made/a.obj"), 2, "--output", ".ply", ".sog", ".splat",

@@ -242,7 +242,7 @@ TEST_CASE("config: whole numbers are decimal, with leading zeros too", "[config]
   }
 }
 
-TEST_CASE("config: all problems are told at once", "[config]") {
+TEST_CASE("config: all problems are reported together", "[config]") {
   const test::TempDir dir;
   const std::string message = error_of(dir, "kind: c\nsteps: 3\n", {"zzzzzzzzzz=1"});
   CHECK(std::count(message.begin(), message.end(), '\n') == 2);

@@ -50,7 +50,7 @@ TEST_CASE("limit_threads_beside: a GPU leaves eight threads, unless the user sai
   if (said != nullptr) setenv("OMP_NUM_THREADS", kept.c_str(), 1);
 }
 
-TEST_CASE("select_device: words it does not know and GPUs that are not there are told apart",
+TEST_CASE("select_device: words it does not know and GPUs that are not there are distinguished",
           "[core]") {
   CHECK(select_device("cpu").is_cpu());
   CHECK(select_device("auto").is_cuda() == (cuda_device_count() > 0));

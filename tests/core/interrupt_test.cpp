@@ -10,7 +10,7 @@
 namespace jade {
 namespace {
 
-TEST_CASE("interrupt: a signal sets the flag that long work asks for", "[core]") {
+TEST_CASE("interrupt: a signal sets the flag that long work polls", "[core]") {
   install_interrupt_handlers();
   CHECK_FALSE(interrupt_requested());
   CHECK_NOTHROW(throw_if_interrupted());

@@ -63,7 +63,7 @@ TEST_CASE("cameras: what is written is read back, and both ways to say a pose ag
                     Catch::Contains("bare.json") && Catch::Contains("camera_from_world"));
 }
 
-TEST_CASE("cameras: files that are no list of cameras are told in plain words", "[data]") {
+TEST_CASE("cameras: files that are no list of cameras are reported in plain words", "[data]") {
   const test::TempDir dir;
   const auto told = [&](const std::string& text) -> std::string {
     try {

@@ -152,8 +152,9 @@ TEST_CASE("colmap scene: images of two sizes with a camera each are read", "[dat
   CHECK(data.train[2].blurry.size(1) == 21);
 }
 
-TEST_CASE("colmap scene: of several reconstructions the largest is used and the others are told",
-          "[data]") {
+TEST_CASE(
+    "colmap scene: of several reconstructions the largest is used and the others are reported",
+    "[data]") {
   const test::TempDir folder;
   const fs::path room = folder / "room";
   write_colmap_scene(room, {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, 10.5, 6.5}});
@@ -173,7 +174,7 @@ TEST_CASE("colmap scene: of several reconstructions the largest is used and the 
   CHECK(warnings.empty());
 }
 
-TEST_CASE("colmap scene: a model without images is told as that", "[data]") {
+TEST_CASE("colmap scene: a model without images is reported as such", "[data]") {
   const test::TempDir folder;
   write_colmap_scene(folder / "room",
                      {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, 10.5, 6.5}});
@@ -216,7 +217,7 @@ TEST_CASE("colmap scene: images without a file are named, strong distortion is u
             .item<float>() < 0.05);
 }
 
-TEST_CASE("colmap scene: images without a pose and known parts that are not used are told",
+TEST_CASE("colmap scene: images without a pose and known parts that are not used are reported",
           "[data]") {
   const test::TempDir folder;
   write_colmap_scene(folder / "room",
@@ -272,7 +273,7 @@ TEST_CASE("colmap scene: images in folders of their cameras are found", "[data]"
   CHECK(test::mentions(warnings, "cam2/000.png"));
 }
 
-TEST_CASE("colmap scene: names that differ by ending or capitals are told with an example",
+TEST_CASE("colmap scene: names that differ by ending or capitals are reported with an example",
           "[data]") {
   const test::TempDir folder;
   const fs::path room = folder / "room";
@@ -303,8 +304,9 @@ TEST_CASE("colmap scene: names with the slashes of Windows are found", "[data]")
   CHECK(test::same_image(data.train[2].blurry, test::noise_image(2)));
 }
 
-TEST_CASE("colmap scene: points3D.ply gives the points of a model without, none are told",
-          "[data]") {
+TEST_CASE(
+    "colmap scene: points3D.ply gives the points of a model without any; a missing one is reported",
+    "[data]") {
   const test::TempDir folder;
   const fs::path room = folder / "room";
   write_colmap_scene(room, kCamera);
@@ -326,7 +328,7 @@ TEST_CASE("colmap scene: points3D.ply gives the points of a model without, none 
   CHECK_THAT(warnings[0], test::naming("points3D", "random points"));
 }
 
-TEST_CASE("colmap scene: masks in a folder that is not read are told", "[data]") {
+TEST_CASE("colmap scene: masks in a folder that is not read are reported", "[data]") {
   const test::TempDir folder;
   const fs::path room = folder / "room";
   const std::string place = GENERATE(as<std::string>(), "mask", "images/masks");

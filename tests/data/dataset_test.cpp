@@ -67,7 +67,7 @@ TEST_CASE("colour: one coloured pixel of one frame, blurry or sharp, is colour",
   CHECK_FALSE(Loaded(sharp).as(FrameColor::kAuto).monochrome);
 }
 
-TEST_CASE("colour: coloured frames are made gray by the luma where that is asked", "[data]") {
+TEST_CASE("colour: coloured frames are made gray by the luma on request", "[data]") {
   Loaded coloured(test::tiny_content());
   const Dataset before = coloured.as(FrameColor::kAuto), after = coloured.as(FrameColor::kGray);
   CHECK(after.monochrome);

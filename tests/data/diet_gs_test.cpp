@@ -148,7 +148,7 @@ TEST_CASE("diet_gs: pickles that were not converted lead to the script", "[data]
   CHECK_THROWS_WITH(scene.load(), Catch::Contains("scripts/convert_diet_gs.py"));
 }
 
-TEST_CASE("diet_gs: too few images or windows for the model are told", "[data]") {
+TEST_CASE("diet_gs: too few images or windows for the model are reported", "[data]") {
   DietScene scene;
   fs::remove(scene.root / "images/03.png");
   CHECK_THROWS_WITH(scene.load(), Catch::Contains("3 images") && test::naming("so 4"));

@@ -122,7 +122,7 @@ TEST_CASE("damage: a hot pixel is named, until a mask excludes it", "[data]") {
   CHECK_FALSE(mentions(scene.warnings(), "hot pixel"));
 }
 
-TEST_CASE("damage: a data set in milliseconds is read as such, and told", "[data]") {
+TEST_CASE("damage: a data set in milliseconds is read as such, and reported", "[data]") {
   Scene scene;
   scene.rewrite_events([](test::RawEvents& raw) {
     for (double& t : raw.t) t /= 1000;
@@ -148,7 +148,7 @@ TEST_CASE("damage: events that meet the exposures in no unit are refused", "[dat
   CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("events.h5"));
 }
 
-TEST_CASE("damage: counts of images, times and poses that differ are all told", "[data]") {
+TEST_CASE("damage: counts of images, times and poses that differ are all reported", "[data]") {
   Scene scene;
   fs::remove(scene.root / "images_1/03.png");
   CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("5 images") && Catch::Contains("6 times") &&

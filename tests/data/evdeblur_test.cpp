@@ -63,7 +63,7 @@ TEST_CASE("evdeblur: writing then loading gives back the same exposures", "[data
   CHECK(torch::equal(data.events.polarity(), content.events.polarity()));
 }
 
-TEST_CASE("evdeblur: gains of frames come back, and broken ones are named", "[data]") {
+TEST_CASE("evdeblur: gains of frames are restored, and broken ones are named", "[data]") {
   const test::TempDir folder;
   EvDeblurContent content = test::tiny_content();
   write_evdeblur(folder / "scene", content);
@@ -231,7 +231,7 @@ TEST_CASE("evdeblur: a colour filter is read when there is one and wanted", "[da
   CHECK_FALSE(load_dataset(options).event_color.defined());
 }
 
-TEST_CASE("evdeblur: points of structure from motion come back, damaged ones are refused",
+TEST_CASE("evdeblur: points of structure from motion are restored, damaged ones are refused",
           "[data]") {
   const test::TempDir folder;
   EvDeblurContent content = test::tiny_content();

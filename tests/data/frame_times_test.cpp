@@ -38,7 +38,7 @@ TEST_CASE("frame times: the unit follows from the length of the exposures", "[da
   CHECK(read(start, end, TimeUnit::kNs).frames[1].end_us == 300);
 }
 
-TEST_CASE("frame times: nanoseconds since 1970 are told by their size", "[data]") {
+TEST_CASE("frame times: nanoseconds since 1970 are recognised by their size", "[data]") {
   // 4 ms in ns would be 4 s in µs.
   const int64_t epoch = 1700000000123456789;
   const torch::Tensor start = torch::tensor(std::vector<int64_t>{epoch, epoch + 50000000});
@@ -79,7 +79,7 @@ TEST_CASE("frame times: float32 numbers that are too coarse are refused by their
   CHECK(coarse(10, 1e6).unit == TimeUnit::kUs);
 }
 
-TEST_CASE("frame times: equal exposures and many that overlap are refused, a few are told",
+TEST_CASE("frame times: equal exposures and many that overlap are refused, a few are reported",
           "[data]") {
   std::vector<FrameTime> times;
   std::vector<std::string> names, lines;

@@ -152,7 +152,7 @@ TEST_CASE("origin: a data set moved to another origin is the same data set", "[d
   CHECK(data.points[3][0].item<float>() == Approx(before.points[3][0].item<float>() + shift));
 }
 
-TEST_CASE("origin: cameras at one place are told", "[data]") {
+TEST_CASE("origin: cameras at one place are reported", "[data]") {
   Dataset data;
   data.near = 1;
   data.train.resize(3);
@@ -168,7 +168,7 @@ TEST_CASE("origin: cameras at one place are told", "[data]") {
   CHECK(told().empty());
 }
 
-TEST_CASE("origin: points behind the cameras are told with the axes that would see them",
+TEST_CASE("origin: points behind the cameras are reported with the axes that would see them",
           "[data]") {
   Dataset data;
   data.train.resize(4);

@@ -63,7 +63,7 @@ TEST_CASE("pattern estimate: a scene that moves in two directions is none", "[da
   CHECK_FALSE(found.is_worth_learning());
 }
 
-TEST_CASE("pattern estimate: none is told from the scene along a line, or by a resting camera",
+TEST_CASE("pattern estimate: a camera on a line or at rest cannot separate it from the scene",
           "[data]") {
   const auto slid = estimate_pattern(frames_over_a_picture(kOnALine, pixels(0.02)));
   CHECK(slid.pairs == 15);

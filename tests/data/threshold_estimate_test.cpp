@@ -129,7 +129,7 @@ TEST_CASE("thresholds: exposures that overlap a little are neighbours", "[data]"
   }
 }
 
-TEST_CASE("thresholds: events of one polarity tell of none", "[data]") {
+TEST_CASE("thresholds: events of one polarity determine none", "[data]") {
   Dataset data = sliding_pattern({0.25, 0.25}, 0, 0);
   const events::EventStream all = data.events;
   for (const int sign : {1, -1}) {
@@ -173,7 +173,7 @@ TEST_CASE("thresholds: events that belong to other frames explain nothing", "[da
   CHECK_FALSE(estimate_of(data, 0).found);
 }
 
-TEST_CASE("thresholds: the search stops when asked to", "[data]") {
+TEST_CASE("thresholds: the search stops on an interrupt", "[data]") {
   const Dataset data = sliding_pattern({0.25, 0.25}, 0, 0);
   set_interrupt_requested(true);
   CHECK_THROWS_AS(estimate_of(data, 0), Interrupted);

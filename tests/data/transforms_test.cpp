@@ -357,7 +357,7 @@ TEST_CASE("transforms: paths escaped as in a URL are found", "[data]") {
   CHECK(room.warnings.empty());
 }
 
-TEST_CASE("transforms: names that differ by capitals or their ending are told with an example",
+TEST_CASE("transforms: names that differ by capitals or their ending are reported with an example",
           "[data]") {
   Room room("", "Images/F");
   CHECK_THROWS_NAMING(DataError, room.load(), "Images/F0.png", "images/f0.png", "rename");
@@ -393,7 +393,7 @@ TEST_CASE("transforms: ply_file_path gives the points", "[data]") {
   CHECK(test::mentions(room.warnings, "sparse_pc.ply"));
 }
 
-TEST_CASE("transforms: images that no frame names are told", "[data]") {
+TEST_CASE("transforms: images that no frame names are reported", "[data]") {
   Room room;
   room.put("transforms.json", "", frames_json("images/f", ".png", 4));
   CHECK(room.load().train.size() == 3);

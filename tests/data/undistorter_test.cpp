@@ -60,7 +60,7 @@ TEST_CASE("undistorter: frames become those of a pinhole, and what has no source
   }
 }
 
-TEST_CASE("undistorter: a lens of less than a pixel is left as it is, and told", "[data]") {
+TEST_CASE("undistorter: a lens of less than a pixel is left as it is, and reported", "[data]") {
   const geometry::LensCamera camera(kPinhole, {LensModel::kRadialTangential, 0.005});
   CHECK(lens_shift_px(camera) > 0);
   CHECK(lens_shift_px(camera) < 1);

@@ -277,7 +277,7 @@ TEST_CASE("emulated cuda: a splat that stops a pixel and colours none still coun
   CHECK(kCuda.backward(args).gaussians.logit_opacities[before + 3].item<float>() != 0);
 }
 
-TEST_CASE("emulated cuda: depth that nobody differentiates", "[emulated]") {
+TEST_CASE("emulated cuda: depth without a gradient", "[emulated]") {
   for (const bool deterministic : {false, true}) {
     Settings settings;
     settings.depth = true;

@@ -39,7 +39,7 @@ std::string refusal(const std::vector<Row>& rows) {
 
 }  // namespace
 
-TEST_CASE("columns: values tell the time and the polarity in any order, x comes before y",
+TEST_CASE("columns: values determine the time and the polarity in any order, x comes before y",
           "[events]") {
   std::array<size_t, 4> order{0, 1, 2, 3};
   do {

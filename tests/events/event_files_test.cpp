@@ -411,7 +411,7 @@ TEST_CASE("event files: times without a name that look like milliseconds are a w
   CHECK_THAT(counted.warnings[0], jade::test::naming("b.txt", "999 us", "t_ms"));
 }
 
-TEST_CASE("event files: a counter that wraps goes on, with a note", "[events]") {
+TEST_CASE("event files: a counter that wraps is continued, with a note", "[events]") {
   const TempDir dir;
   std::vector<float> x(1000, 1), y(1000, 2);
   std::vector<int8_t> p(1000, 1);

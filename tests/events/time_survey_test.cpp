@@ -56,7 +56,7 @@ TEST_CASE("time survey: stretches are cut to a number of places", "[events]") {
   CHECK(stretches[2].size() == 0);
 }
 
-TEST_CASE("time survey: tells what times are", "[events]") {
+TEST_CASE("time survey: finds the range of times, fractions and order", "[events]") {
   CHECK_FALSE(survey_of({1, 3, 2}).sorted());
   CHECK(survey_of({1, 1, 2}).sorted());
   CHECK(survey_of({1, 1.5}).has_fraction());

@@ -70,7 +70,7 @@ TEST_CASE("densify: small Gaussians with large gradients are cloned as they are"
   CHECK(densifier.accumulated().gradient_norm.size(0) == 6);
 }
 
-TEST_CASE("densify: large Gaussians become two smaller ones drawn from them", "[gaussians]") {
+TEST_CASE("densify: large Gaussians become two smaller ones sampled from them", "[gaussians]") {
   Fixture f;
   f.model.parameters().log_scales.detach()[2].fill_(std::log(0.05));
   Densifier densifier = f.densifier(CloneAndSplit());
@@ -199,7 +199,7 @@ TEST_CASE("mcmc: dead Gaussians move onto living ones, which share their opacity
   for (const float tag : f.tags()) CHECK(tag == 0);
 }
 
-TEST_CASE("mcmc: rows are drawn by their weights, late ones among millions too", "[gaussians]") {
+TEST_CASE("mcmc: rows are sampled by their weights, late ones among millions too", "[gaussians]") {
   at::Generator generator = make_generator(1, "rows");
   const torch::Tensor few = drawn_rows(torch::tensor({0.f, 1.f, 0.f, 3.f, 0.f}), 4000, generator);
   const torch::Tensor counts = few.bincount({}, 5);
@@ -228,7 +228,7 @@ TEST_CASE("mcmc: two that share a place look like the one before at its centre",
   CHECK(f.adam.first_moments().means.size(0) == 2);
 }
 
-TEST_CASE("mcmc: spread copies are drawn from their Gaussian and smaller, by the weights given",
+TEST_CASE("mcmc: spread copies are sampled from their Gaussian and smaller, by the weights given",
           "[gaussians]") {
   Fixture f(4);
   f.model.parameters().logit_opacities.detach().copy_(torch::tensor({2.f, 2.f, -9.f, -9.f}));

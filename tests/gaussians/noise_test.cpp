@@ -80,7 +80,7 @@ TEST_CASE("noise: a Gaussian that is not finite keeps its place", "[gaussians]")
   CHECK((offsets.narrow(0, 7, 2) == 0).all().item<bool>());
 }
 
-TEST_CASE("noise: the CUDA kernel draws the CPU's numbers", "[gaussians][cuda]") {
+TEST_CASE("noise: the CUDA kernel samples the CPU's numbers", "[gaussians][cuda]") {
   GaussianModel here = many_equal(torch::kCPU, -5),
                 there = many_equal(torch::Device(torch::kCUDA, 0), -5);
   CHECK(torch::allclose(moved(here, 1), moved(there, 1), 1e-4, 1e-6));

@@ -207,7 +207,7 @@ TEST_CASE("adam: gathered rows follow their Gaussians and new ones start from ze
   CHECK_THROWS_AS(adam.step(model), ContractError);
 }
 
-TEST_CASE("adam: restored state goes on bit by bit", "[gaussians]") {
+TEST_CASE("adam: restored state continues bit for bit", "[gaussians]") {
   GaussianModel a(random_gaussians(50, 16), 1, torch::kCPU);
   GaussianAdam adam_a(a, {});
   for (int64_t step = 1; step <= 5; ++step) {

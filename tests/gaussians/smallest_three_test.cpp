@@ -8,7 +8,7 @@
 namespace jade::gaussians {
 namespace {
 
-TEST_CASE("smallest three: the quaternion comes back with its largest component positive",
+TEST_CASE("smallest three: the quaternion is restored with its largest component positive",
           "[gaussians]") {
   torch::manual_seed(2);
   const torch::Tensor q = torch::randn({500, 4}, torch::kFloat64);

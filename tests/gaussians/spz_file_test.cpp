@@ -108,7 +108,7 @@ TEST_CASE("spz file: Gaussians with a number that is not finite are left out", "
   }
 }
 
-TEST_CASE("spz file: one Gaussian far away, for which all others lose digits, is told of",
+TEST_CASE("spz file: one Gaussian far away, for which all others lose digits, is reported",
           "[gaussians]") {
   const test::TempDir folder;
   splat::Gaussians g = random_gaussians(20, 1);

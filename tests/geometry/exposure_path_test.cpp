@@ -70,7 +70,8 @@ double farthest(const torch::Tensor& a, const torch::Tensor& b) {
 
 }  // namespace
 
-TEST_CASE("exposure path: without a twist the data's poses come back to the bit", "[geometry]") {
+TEST_CASE("exposure path: without a twist the data's poses are restored bit for bit",
+          "[geometry]") {
   for (const int64_t count : {2, 4}) {
     const PathCase c(count, 0);
     const torch::Tensor path = geometry::corrected_path(c.twists, c.u, c.poses);

@@ -77,7 +77,7 @@ TEST_CASE("trajectory: centres are interpolated, so turning on the spot does not
   CHECK(c[2] == Approx(6));
 }
 
-TEST_CASE("trajectory: continued by its mirror image, a steady camera goes on", "[geometry]") {
+TEST_CASE("trajectory: its mirror image continues a camera at constant velocity", "[geometry]") {
   const auto steady = [](double t) {
     return pose_at_centre(rotation_from_vector({0.3e-6 * t, 0, 0}), {2e-6 * t, 1 - 1e-6 * t, 0});
   };

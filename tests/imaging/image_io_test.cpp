@@ -48,7 +48,7 @@ std::string message_of(const std::function<void()>& action) {
 
 }  // namespace
 
-TEST_CASE("image: 8-bit and 16-bit colour files come back to the last bit", "[imaging]") {
+TEST_CASE("image: 8-bit and 16-bit colour files are restored bit for bit", "[imaging]") {
   const Folder folder;
   for (const char* name : {"a.png", "b.tiff", "c.bmp", "deep/er/d.ppm"}) {
     const auto image = pattern(5, 7, 255);

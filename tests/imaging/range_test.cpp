@@ -18,7 +18,8 @@ torch::Tensor pattern(int64_t height, int64_t width, int64_t top) {
 
 }  // namespace
 
-TEST_CASE("image: frames that are all black or fill 10 or 12 of 16 bits are told", "[imaging]") {
+TEST_CASE("image: frames that are all black or fill 10 or 12 of 16 bits are reported",
+          "[imaging]") {
   const auto images = [](int64_t top, double steps) {
     const auto image = pattern(9, 11, top) * (double(top) / steps);
     image[0][0][0] = double(top) / steps;

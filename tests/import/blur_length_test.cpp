@@ -47,7 +47,7 @@ TEST_CASE("blur length: even motions are measured to 20 %", "[import]") {
   }
 }
 
-TEST_CASE("blur length: a camera that stands still has none, for all its noise", "[import]") {
+TEST_CASE("blur length: a static camera has none, for all its noise", "[import]") {
   CHECK(found_blur([](double) { return 0.0; }, [](double) { return 0.0; }) < 0.5);
 }
 

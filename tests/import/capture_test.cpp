@@ -31,7 +31,7 @@ return capture;
 
 }  // namespace
 
-TEST_CASE("capture: what is kept comes back", "[import]") {
+TEST_CASE("capture: what is kept is restored", "[import]") {
   const test::TempDir dir;
   const import::Capture kept = small_capture();
   import::keep_capture(dir.path(), kept);

@@ -64,7 +64,7 @@ TEST_CASE("clock offset: exposures that overlap a little are neighbours", "[impo
   CHECK(std::abs(found.offset_us) < 2000);
 }
 
-TEST_CASE("clock offset: a camera that stands still says nothing", "[import]") {
+TEST_CASE("clock offset: a static camera is inconclusive", "[import]") {
   auto motion = by_hand();
   motion.x_px = motion.y_px = [](double) { return 0.0; };
   auto recording = test::record_pattern(motion, noisy_sensor());
@@ -89,7 +89,7 @@ TEST_CASE("clock offset: beyond the reach, and without events, there is doubt", 
                   ContractError);
 }
 
-TEST_CASE("clock offset: a texture that comes back has two answers", "[import]") {
+TEST_CASE("clock offset: a periodic motion has two answers", "[import]") {
   auto motion = by_hand();
   // Oscillates at 50 Hz: after 20 ms everything repeats.
   motion.x_px = [](double t) { return 6 * std::sin(2 * M_PI * 50 * t); };

@@ -75,7 +75,7 @@ TEST_CASE("color: channels of the four filters", "[import]") {
   CHECK_THROWS_AS(import::channel_of(ColorFilter::kNone, 0, 0), ContractError);
 }
 
-TEST_CASE("color: a raw mosaic is told from a gray frame", "[import]") {
+TEST_CASE("color: a raw mosaic is distinguished from a gray frame", "[import]") {
   torch::Tensor frame = torch::empty({1, 40, 60});
   for (int64_t i = 0; i < 40; ++i) {
     for (int64_t j = 0; j < 60; ++j) frame[0][i][j] = test::pattern_at(double(j), double(i));

@@ -156,7 +156,7 @@ TEST_CASE("findings: exposures are found and set where frames have one time each
   CHECK_THROWS_AS(import::find_exposures(still, std::nullopt), DataError);
 }
 
-TEST_CASE("findings: what is kept comes back, what is damaged is named", "[import]") {
+TEST_CASE("findings: what is kept is restored, what is damaged is named", "[import]") {
   const test::TempDir dir;
   import::SensorFinding sensor;
   sensor.hot_pixels = {{3, 4, 120, 2}, {0, 9, 50, 1}};

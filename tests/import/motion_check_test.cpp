@@ -82,8 +82,7 @@ TEST_CASE("motion: what is fixed to the sensor neither hides motion nor makes it
   CHECK(import::frame_motion(flickering).shift_px == 0);
 }
 
-TEST_CASE("blur check: right poses explain the blur, poses that stand still or turn back do not",
-          "[import]") {
+TEST_CASE("blur check: right poses explain the blur, static or reversed poses do not", "[import]") {
   const double right = import::explained_blur({sideways(1)});
   CHECK(right > 0.9);
   CHECK(import::explained_blur({sideways(0)}) == Approx(0).margin(1e-6));

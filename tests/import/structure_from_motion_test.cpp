@@ -268,7 +268,7 @@ TEST_CASE("poses: a model without parallax is refused", "[import]") {
   CHECK_THROWS_WITH(Search(flat).find(), Catch::Contains("parallax 0.0"));
 }
 
-TEST_CASE("poses: no model, and a COLMAP that fails, are told", "[import]") {
+TEST_CASE("poses: no model, and a COLMAP that fails, are reported", "[import]") {
   Search none("exit 0\n");
   CHECK_THROWS_NAMING(DataError, none.find(), "no pair");
   Search failing("echo 'Check failed: no space'; exit 1\n");

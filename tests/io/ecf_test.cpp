@@ -146,7 +146,7 @@ TEST_CASE("ecf: the bytes of an event, as the format has them", "[io]") {
   CHECK(same(out, {{1, 2, 0, 4}}));
 }
 
-TEST_CASE("ecf: events of all three layouts come back, and no cut chunk does", "[io]") {
+TEST_CASE("ecf: events of all three layouts are restored, truncated chunks are rejected", "[io]") {
   for (const Mode mode : {Mode::kRuns, Mode::kPackedColumns, Mode::kPacked}) {
     for (const size_t count : {1, 2, 3, 4, 5, 1000, 65535}) {
       INFO(int(mode) << " " << count);

@@ -28,7 +28,7 @@ void write_ramp(const std::filesystem::path& path, int64_t count) {
   writer.close();
 }
 
-TEST_CASE("hdf5: values appended in pieces come back whole and in ranges", "[io]") {
+TEST_CASE("hdf5: values appended in pieces are restored whole and in ranges", "[io]") {
   const test::TempDir folder;
   const std::vector<int64_t> t = ramp(200000);
   const std::vector<float> x(t.begin(), t.end());

@@ -32,7 +32,7 @@ torch::Tensor parse(const std::string& bytes) {
   return parse_npy(bytes.data(), bytes.size(), "a.npy");
 }
 
-TEST_CASE("npy: every numeric dtype comes back as written", "[io]") {
+TEST_CASE("npy: every numeric dtype is restored as written", "[io]") {
   const test::TempDir folder;
   for (const auto dtype : {torch::kBool, torch::kUInt8, torch::kInt8, torch::kInt16, torch::kInt32,
                            torch::kInt64, torch::kFloat16, torch::kFloat32, torch::kFloat64}) {
@@ -44,7 +44,7 @@ TEST_CASE("npy: every numeric dtype comes back as written", "[io]") {
   }
 }
 
-TEST_CASE("npy: scalars, empty arrays and transposed tensors come back as written", "[io]") {
+TEST_CASE("npy: scalars, empty arrays and transposed tensors are restored as written", "[io]") {
   const test::TempDir folder;
   const torch::Tensor matrix = torch::arange(6).reshape({2, 3});
   for (const torch::Tensor& values : {torch::tensor(2.5), torch::empty({0}), torch::empty({5, 0}),
@@ -106,7 +106,7 @@ TEST_CASE("npy: a missing file and a missing folder are data errors", "[io]") {
   CHECK_THROWS_AS(write_npy(folder / "none/a.npy", torch::zeros({1})), DataError);
 }
 
-TEST_CASE("npz: arrays come back by name", "[io]") {
+TEST_CASE("npz: arrays are restored by name", "[io]") {
   const test::TempDir folder;
   const torch::Tensor times = torch::arange(5) * 1000;
   const torch::Tensor noise = torch::rand({300, 40}, torch::kFloat64);

@@ -8,7 +8,7 @@
 namespace jade::io {
 namespace {
 
-TEST_CASE("webp: every byte comes back, also under alpha 0", "[io]") {
+TEST_CASE("webp: every byte is restored, also under alpha 0", "[io]") {
   torch::manual_seed(1);
   torch::Tensor pixels = torch::randint(0, 256, {9, 17, 4}, torch::kUInt8);
   pixels.select(2, 3).slice(0, 0, 4).zero_();

@@ -10,7 +10,7 @@
 namespace jade::io {
 namespace {
 
-TEST_CASE("zip: entries come back in their order, packed or as they are", "[io]") {
+TEST_CASE("zip: entries are restored in their order, packed or as they are", "[io]") {
   const test::TempDir dir;
   const ZipEntries entries = {{"b.txt", std::string(5000, 'b')}, {"a/c.bin", {"\0\1\2", 3}}};
   write_zip(dir / "packed.zip", entries);

@@ -8,7 +8,7 @@
 namespace jade::io {
 namespace {
 
-TEST_CASE("zstd: content comes back, damaged and longer or shorter content does not", "[io]") {
+TEST_CASE("zstd: content is restored; damaged, longer and shorter content is rejected", "[io]") {
   std::string content(3'000'000, 'a');
   for (size_t i = 0; i < content.size(); i += 7) content[i] = static_cast<char>(i * i >> 5);
   for (const std::string& text : {content, std::string(), std::string("x")}) {

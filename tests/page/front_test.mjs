@@ -399,7 +399,7 @@ test('live: asks for the camera at whole pixels, with viewer and token', async (
   assert.equal(new live.LiveLink('').address('state', {}).includes('token'), false);
 });
 
-test('live: why nothing is drawn is told once, and taken back when a frame comes', async () => {
+test('live: why nothing is drawn is reported once, and taken back when a frame comes', async () => {
   const told = [];
   const answers = [{ reason: 'no memory' }, { reason: 'no memory' }, null, { blob: 'blob' }, { blob: 'blob' }];
   const link = { frame: async () => answers.shift() };
@@ -414,7 +414,7 @@ test('live: why nothing is drawn is told once, and taken back when a frame comes
   assert.deepEqual(told, ['no memory', '']);
 });
 
-test('live: metrics are gathered, thinned out ones and answers that crossed asked for anew', () => {
+test('live: metrics are gathered, thinned out ones and overlapping answers requested again', () => {
   const tail = new live.MetricsTail();
   const lines = [1, 2, 3].map((step) => ({ step }));
   assert.equal(tail.take({ generation: 0, count: 2, lines: lines.slice(0, 2) }), true);

@@ -236,7 +236,7 @@ TEST_CASE("recording: only events near frames are read, on the clock of the even
   CHECK(span.events.last_us() == 360000);
 }
 
-TEST_CASE("recording: the unit of events is told by exposures moved by the offset that is given",
+TEST_CASE("recording: exposures moved by the given offset determine the unit of events",
           "[recording]") {
   const TempDir dir;
   write_frames(dir / "a/images", 3);

@@ -32,7 +32,7 @@ TEST_CASE("picture writer: pictures are what they were when they were added", "[
   }
 }
 
-TEST_CASE("picture writer: one that cannot be written is told once, and ends what was begun",
+TEST_CASE("picture writer: a failure is reported once, and ends the pictures in progress",
           "[run]") {
   const test::TempDir dir;
   std::ofstream(dir / "file") << "in the way";

@@ -16,7 +16,7 @@ void pass(int milliseconds) {
 
 }  // namespace
 
-TEST_CASE("stage_times: every moment belongs to one stage, and a stage that comes back goes on",
+TEST_CASE("stage_times: every moment belongs to one stage, and a repeated stage accumulates",
           "[run]") {
   const auto begin = std::chrono::steady_clock::now();
   run::StageTimes times;

@@ -24,7 +24,7 @@ TEST_CASE("term monitor: names the step and the term that first stopped being fi
                                          !Catch::Contains("blur"));
 }
 
-TEST_CASE("term monitor: steps whose terms alternate are told apart", "[run]") {
+TEST_CASE("term monitor: steps whose terms alternate are distinguished", "[run]") {
   run::TermMonitor monitor;
   const auto watch = [&](int64_t step, double blur) {
     std::vector<losses::NamedTerm> terms{{"blur", torch::tensor(blur)},

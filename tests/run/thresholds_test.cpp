@@ -166,7 +166,7 @@ TEST_CASE("thresholds: a configured pair far from the measured one gets one warn
   CHECK(a.options.events.thresholds().positive == 0.5);
 }
 
-TEST_CASE("thresholds: data that do not tell them give 0.25, said in one line", "[run]") {
+TEST_CASE("thresholds: data that do not determine them give 0.25, said in one line", "[run]") {
   const data::Dataset& whole = sliding_scene();
   data::Dataset silent = whole, single = whole, flat = whole, empty;
   silent.events = {};

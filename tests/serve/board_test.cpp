@@ -33,7 +33,7 @@ TEST_CASE("board: a viewer gets what it has not got", "[serve]") {
   CHECK(json::parse(board.json(rest["generation"], 1000, 2))["lines"].empty());
 }
 
-TEST_CASE("board: a long run's lines are thinned out, the newest kept, and all told anew",
+TEST_CASE("board: a long run's lines are thinned out, the newest kept, and all sent again",
           "[serve]") {
   serve::Board board;
   json before = json::parse(board.json(0, 0, 0));

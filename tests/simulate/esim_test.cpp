@@ -258,7 +258,7 @@ TEST_CASE("esim: dead columns send nothing, the others what they sent", "[simula
   CHECK(10 * events.size() == 7 * whole.size());
 }
 
-TEST_CASE("esim: wrong pictures and times that stand still are refused", "[simulate]") {
+TEST_CASE("esim: wrong pictures and times that do not increase are refused", "[simulate]") {
   EventSensor sensor(clean(0.2, 0.2), 4, 4, 0);
   sensor.feed(std::vector<float>(16, 0.5f), 10);
   CHECK_THROWS_AS(sensor.feed(std::vector<float>(15, 0.5f), 20), ContractError);

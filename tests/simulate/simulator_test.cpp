@@ -311,7 +311,7 @@ TEST_CASE("simulate: a Gaussian file can be filmed", "[simulate]") {
   CHECK_THROWS_AS(simulate::simulate(run), DataError);
 }
 
-TEST_CASE("simulate: stops when asked to", "[simulate]") {
+TEST_CASE("simulate: stops on an interrupt", "[simulate]") {
   const SimulateRun run = tiny();
   set_interrupt_requested(true);
   CHECK_THROWS_AS(simulate::simulate(run), Interrupted);

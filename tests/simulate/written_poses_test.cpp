@@ -158,7 +158,7 @@ TEST_CASE("written poses: more of them per exposure follow the hand more closely
   CHECK(thirds.nine.rms < 0.5 * middle.nine.rms);
 }
 
-TEST_CASE("written poses: a camera that moves steadily is told by its middle poses", "[simulate]") {
+TEST_CASE("written poses: middle poses determine a camera at constant velocity", "[simulate]") {
   SimulateRun run = pattern_run(3);
   run.simulate.poses.at = GENERATE(PoseTimes::kMidExposure, PoseTimes::kThirds);
   const test::DriftingPattern pattern(8, 8, 10, 100000);

@@ -70,7 +70,7 @@ TEST_CASE("make_plan: the problems of all runs come at once, each told once", "[
 }
 
 TEST_CASE(
-    "make_plan: settings that do not go together are told with their row, files with their own "
+    "make_plan: settings that do not go together are reported with their row, files with their own "
     "place",
     "[sweep]") {
   const TempDir dir;

@@ -65,7 +65,7 @@ TEST_CASE("cell_of: mean and sample deviation of what is there", "[sweep]") {
   CHECK_FALSE(sweep::cell_of({std::nullopt}).mean);
 }
 
-TEST_CASE("gather: averages take whole seeds only, and every gap is told", "[sweep]") {
+TEST_CASE("gather: averages take whole seeds only, and every gap is reported", "[sweep]") {
   const TempDir dir;
   const sweep::Table table = table_of(dir);
   const sweep::TableRow& full = table.rows[0];

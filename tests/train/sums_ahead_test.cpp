@@ -33,7 +33,7 @@ TEST_CASE("sums ahead: each exposure's in its turn, on threads or not", "[train]
   }
 }
 
-TEST_CASE("sums ahead: what one throws is told in its turn, and leaving early ends them",
+TEST_CASE("sums ahead: what one throws is reported in its turn, and leaving early ends them",
           "[train]") {
   test::TinyDatasetOptions tiny;
   tiny.exposures = 6;
