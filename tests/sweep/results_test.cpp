@@ -8,6 +8,7 @@
 #include "fixture.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/sweep/cell_text.h"
 
 using namespace jade;
 using namespace jade::test;
@@ -54,6 +55,13 @@ sweep::Table table_of(const TempDir& dir) {
 }
 
 }  // namespace
+
+TEST_CASE("number: thousands are apart, and what is not zero does not look like it", "[sweep]") {
+  CHECK(sweep::number(1234567.4, 0) == "1,234,567");
+  CHECK(sweep::number(1234.5, 1) == "1234.5");
+  CHECK(sweep::number(3.2e-5, 4) == "0.00003");
+  CHECK(sweep::number(0, 2) == "0.00");
+}
 
 TEST_CASE("cell_of: mean and sample deviation of what is there", "[sweep]") {
   const sweep::Cell cell = sweep::cell_of({2.0, 4.0, std::nullopt, 9.0});
@@ -269,8 +277,13 @@ TEST_CASE("page: links what the runs have, and shows what failed and what is mis
   CHECK(averages["paper"][0] == true);
   CHECK(averages["rows"][0]["cells"][0]["text"] == "26.50 ± 2.12 (2/3)");
   CHECK(averages["rows"][0]["cells"][0]["gap"] == true);
+  CHECK(averages["rows"][0]["cells"][0]["mean"] == 26.5);
+  CHECK(averages["rows"][0]["cells"][0]["deviation"].get<double>() == Approx(2.1213).margin(1e-3));
+  CHECK(averages["rows"][2]["cells"][0]["mean"].is_null());
+  CHECK(data["columns"][0]["noise"] == 0.3);
   CHECK(averages["rows"][0]["cells"][0]["paper"] == "34.50");
   CHECK(averages["rows"][2]["title"] == "other (quoted)");
+  CHECK(data["tables"][1]["rows"].size() == 2);  // nothing is quoted for this scene
   CHECK(data["tables"][1]["rows"][0]["cells"][0]["best"] == true);
   CHECK(data["tables"][1]["rows"][1]["cells"][0]["best"] == false);
   CHECK(data["tables"][3]["title"] == "c (quoted from the paper; not run here)");

@@ -2,19 +2,25 @@
 #include "jade/sweep/cell_text.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 
 #include "jade/core/error.h"
+#include "jade/core/readable.h"
 
 namespace jade::sweep {
 
 std::string number(double value, int decimals) {
+  if (decimals == 0) return grouped(std::llround(value));
   char text[48];
   std::snprintf(text, sizeof text, "%.*f", decimals, value);
   // A non-zero number must not be printed as zero.
-  const bool vanished = value != 0 && decimals > 0 && std::strtod(text, nullptr) == 0;
-  if (vanished) std::snprintf(text, sizeof text, "%.1e", value);
+  const bool vanished = value != 0 && std::strtod(text, nullptr) == 0;
+  if (vanished) {
+    const int first_digit = static_cast<int>(-std::floor(std::log10(std::abs(value))));
+    std::snprintf(text, sizeof text, "%.*f", std::min(first_digit, 40), value);
+  }
   return text;
 }
 

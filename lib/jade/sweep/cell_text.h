@@ -10,7 +10,8 @@
 
 namespace jade::sweep {
 
-/// With that many decimals; a non-zero number is never printed as zero.
+/// With that many decimals, and grouped thousands if `decimals` is 0; a non-zero number is never
+/// printed as zero.
 std::string number(double value, int decimals);
 
 /// The measured cell, empty if there is none; `scene` empty: the average.

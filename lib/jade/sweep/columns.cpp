@@ -6,24 +6,30 @@
 namespace jade::sweep {
 namespace {
 
+constexpr double kNoiseDb = 0.3;
+
 const std::vector<Column>& known_columns() {
   static const std::vector<Column> list = {
-      {"psnr", "PSNR (global)", "of the mean squared error over all pixels and channels, dB", 2, 1},
+      {"psnr", "PSNR (global)", "of the mean squared error over all pixels and channels, dB", 2, 1,
+       kNoiseDb},
       {"psnr_channel_mean", "PSNR",
-       "mean of the PSNRs of the three channels, dB (the published tables' definition)", 2, 1},
+       "mean of the PSNRs of the three channels, dB (the published tables' definition)", 2, 1,
+       kNoiseDb},
       {"psnr_seen", "PSNR (global), seen", "over the test views taken within a training exposure",
-       2, 1},
+       2, 1, kNoiseDb},
       {"psnr_unseen", "PSNR (global), unseen", "over the test views taken outside all of them", 2,
-       1},
+       1, kNoiseDb},
       {"psnr_channel_mean_seen", "PSNR, seen",
-       "over the test views taken within a training exposure", 2, 1},
+       "over the test views taken within a training exposure", 2, 1, kNoiseDb},
       {"psnr_channel_mean_unseen", "PSNR, unseen", "over the test views taken outside all of them",
-       2, 1},
-      {"ssim", "SSIM", "11x11 Gaussian window, sigma 1.5, zero padding", 4, 1},
-      {"lpips_alex01", "LPIPS", "v0.1, AlexNet, inputs in [0,1] (the published definition)", 4, -1},
-      {"lpips_vgg", "LPIPS (VGG)", "v0.1, VGG16, inputs in [-1,1]", 4, -1},
+       2, 1, kNoiseDb},
+      {"ssim", "SSIM", "11x11 Gaussian window, sigma 1.5, zero padding", 4, 1, 0.003},
+      {"lpips_alex01", "LPIPS", "v0.1, AlexNet, inputs in [0,1] (the published definition)", 4, -1,
+       0.004},
+      {"lpips_vgg", "LPIPS (VGG)", "v0.1, VGG16, inputs in [-1,1]", 4, -1, 0.004},
       {"psnr_reblur", "PSNR, reblurred",
-       "of held-out blurry frames against the mean of renders along their exposure, dB", 2, 1},
+       "of held-out blurry frames against the mean of renders along their exposure, dB", 2, 1,
+       kNoiseDb},
       {"musiq", "MUSIQ", "scripts/evaluate_perceptual.py", 2, 1},
       {"clipiqa", "CLIP-IQA", "scripts/evaluate_perceptual.py", 4, 1},
       {"alpha_mean", "mean α", "over all pixels and training views, at the end", 4, 0},

@@ -81,11 +81,17 @@ PageJson scene_entry(const Table& table, const std::string& scene, const fs::pat
   return {{"name", scene}, {"views", views}};
 }
 
+/// Whether the paper has a figure of this row; `scene` empty: the average.
+bool is_quoted(const TableRow& row, const std::string& scene) {
+  return scene.empty() ? !row.paper.empty() : row.paper_scenes.count(scene) > 0;
+}
+
 /// `scene` empty: the averages.
 PageJson table_entry(const Table& table, const std::string& scene, const std::string& title) {
   PageJson papers = PageJson::array(), rows = PageJson::array();
   for (const Column& column : table.columns) papers.push_back(has_paper(table, scene, column.key));
   for (const TableRow& row : table.rows) {
+    if (!row.run && !is_quoted(row, scene)) continue;
     PageJson cells = PageJson::array();
     for (const Column& column : table.columns) {
       const Cell& cell = cell_at(row, scene, column.key);
@@ -96,6 +102,8 @@ PageJson table_entry(const Table& table, const std::string& scene, const std::st
           {{"text", cell_text(row, cell, column, best, kPlain)},
            {"best", whole && !best.empty() && number(*cell.mean, column.decimals) == best},
            {"gap", row.run && cell.count < cell.expected},
+           {"mean", cell.mean ? PageJson(*cell.mean) : PageJson(nullptr)},
+           {"deviation", cell.deviation ? PageJson(*cell.deviation) : PageJson(nullptr)},
            {"paper", figure ? PageJson(number(*figure, column.decimals)) : PageJson(nullptr)}});
     }
     rows.push_back({{"title", row.title + (row.run ? "" : " (quoted)")},
@@ -120,8 +128,10 @@ PageJson tables_of(const Table& table) {
 PageJson columns_of(const Table& table) {
   PageJson columns = PageJson::array();
   for (const Column& column : table.columns) {
-    const char* const arrow = column.better > 0 ? " ↑" : column.better < 0 ? " ↓" : "";
-    columns.push_back({{"heading", column.heading + arrow}, {"meaning", column.meaning}});
+    const char* const arrow = column.better > 0 ? "\u00a0↑" : column.better < 0 ? "\u00a0↓" : "";
+    columns.push_back({{"heading", column.heading + arrow},
+                       {"meaning", column.meaning},
+                       {"noise", column.noise}});
   }
   return columns;
 }
@@ -129,7 +139,7 @@ PageJson columns_of(const Table& table) {
 }  // namespace
 
 std::string to_page(const Table& table, const fs::path& folder) {
-  PageJson facts = PageJson::array({"steps " + table.steps});
+  PageJson facts = PageJson::array({table.steps + " steps"});
   for (const std::string& machine : table.machines) facts.push_back(machine);
   if (!table.paper_source.empty()) facts.push_back("paper: quoted, " + table.paper_source);
   PageJson rows = PageJson::array(), scenes = PageJson::array(), runs = PageJson::array();

@@ -9,6 +9,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/readable.h"
 #include "jade/sweep/task.h"
 
 namespace jade::sweep {
@@ -157,9 +158,11 @@ void gather_machines(const Plan& plan, const SweepOutput& output, Table& table) 
                            json.value("device", "?")));
   }
   table.machines.assign(machines.begin(), machines.end());
-  std::set<std::string> steps;
-  for (const Run& run : plan.runs) steps.insert(run.value("train.iterations"));
-  for (const std::string& count : steps) table.steps += (table.steps.empty() ? "" : ", ") + count;
+  std::set<int64_t> steps;
+  for (const Run& run : plan.runs) steps.insert(std::stoll(run.value("train.iterations")));
+  for (const int64_t count : steps) {
+    table.steps += (table.steps.empty() ? "" : ", ") + grouped(count);
+  }
 }
 
 /// Other sweeps may share the folder, so their runs are summarised in one line.

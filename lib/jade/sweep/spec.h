@@ -19,6 +19,9 @@ struct Column {
   std::string meaning;  ///< one line below the table
   int decimals = 3;
   int better = 0;  ///< +1: more is better, -1: less is better, 0: neither
+  /// Difference between two runs that the seed alone explains: three sample deviations, the median
+  /// of the rows in docs/results that have several seeds. 0: unknown.
+  double noise = 0;
 };
 
 /// A base configuration with its data.

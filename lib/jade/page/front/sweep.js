@@ -44,20 +44,13 @@ export function picturesOf(data, scene, view) {
 }
 
 /**
- * Title of the row that `row` leads in column k by no more than the seeds' noise, or '' if the lead is
- * significant.
+ * Title of a row that `row` leads in column k by no more than the seeds' noise, or '' if the lead is significant.
+ * @param noise  of the column, used if the row has a single seed
  */
-export function levelWith({ rows }, k, row) {
-  const figures = (each) => (each.cells[k]?.text ?? '').split(' ± ').map(Number.parseFloat);
-  const [value, deviation] = figures(row);
-  const rivals = rows.filter((each) => each !== row && !each.cells[k]?.gap && Number.isFinite(figures(each)[0]))
-    .map((each) => ({ title: each.title, lead: Math.abs(value - figures(each)[0]), noise: figures(each)[1] }))
-    .sort((a, b) => a.lead - b.lead);
-  if (rivals.length === 0) return '';
-  const [{ title, lead, noise }] = rivals;
-  // One seed does not determine its noise; only decibels have a typical one.
-  const usual = value > 10 ? SEED_NOISE : 0;
-  return lead <= (deviation === undefined ? usual : deviation + (noise ?? 0)) ? title : '';
+export function levelWith({ rows }, k, row, noise) {
+  const { mean, deviation } = row.cells[k];
+  const level = ({ cells: { [k]: cell } }) => Math.abs(mean - cell.mean) <= (typeof deviation === 'number' ? deviation + (cell.deviation ?? 0) : noise);
+  return rows.find((each) => each !== row && typeof each.cells[k].mean === 'number' && !each.cells[k].gap && level(each))?.title ?? '';
 }
 
 /** {heading, views}: those seen in training, those not seen, and those of unknown kind. */
@@ -119,7 +112,7 @@ export class SweepPage {
     columns.slice(0, 3).forEach((column, k) => {
       const row = tables[0]?.rows.find((each) => each.cells[k].best);
       if (!row) return;
-      const level = levelWith(tables[0], k, row);
+      const level = levelWith(tables[0], k, row, column.noise);
       card(column.heading, row.cells[k].text.split(' ')[0], level ? `${row.title}, level with ${level}` : row.title, k === 0 && !level ? 'best' : '');
     });
   }
@@ -152,7 +145,7 @@ export class SweepPage {
       const line = make('tr', body);
       make('th', line, { textContent: row.title, scope: 'row' });
       row.cells.forEach((cell, k) => {
-        const level = cell.best ? levelWith(table, k, row) : '';
+        const level = cell.best ? levelWith(table, k, row, this.data.columns[k].noise) : '';
         const kind = cell.best && !level ? 'best' : cell.gap ? 'gap' : '';
         make('td', line, { textContent: cell.text, className: kind, title: level ? `level with ${level}` : '' });
         if (paper[k]) make('td', line, { textContent: cell.paper ?? '', className: 'paper' });
