@@ -125,14 +125,13 @@ run::LiveScene scene_of(const Subject& subject) {
 [[noreturn]] void show(const Subject& subject, serve::Server& server) {
   const run::LiveScene scene = scene_of(subject);
   server.board().set({0, 0, subject.gaussians.size(), "still"});
-  server.show(page::live_page(
-      scene.page_data({{subject.dataset.name, device_name(subject.gaussians.means.device())},
-                       subject.config,
-                       server.board().id(),
-                       /*pausable=*/false,
-                       /*moving=*/false,
-                       /*report=*/"",
-                       subject.scores})));
+  server.show(page::live_page(scene.page_data({{device_name(subject.gaussians.means.device())},
+                                               subject.config,
+                                               server.board().id(),
+                                               /*pausable=*/false,
+                                               /*moving=*/false,
+                                               /*report=*/"",
+                                               subject.scores})));
   for (;;) {
     throw_if_interrupted();
     if (!server.queue().wait(serve::RenderQueue::Seconds(0.1))) continue;

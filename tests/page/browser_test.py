@@ -412,52 +412,136 @@ def check_access(page):
     expect(all(height < 3.4 for height in marks), f"a heading on the line of its mark, found {marks}")
 
 
-def check_layout(page, report):
+CURVES = ["loss", "psnr_train", "test_psnr", "gaussians", "position_lr", "memory_bytes"]
+
+
+def edited(run, name, **changes):
+    """Writes a report of the same run with changed data."""
+    page = (run.folder / "run/report.html").read_text()
+    before, rest = page.split('id="data">', 1)
+    text, after = rest.split("</script>", 1)
+    data = json.dumps({**json.loads(text), **changes}).replace("<", "\\u003c")
+    path = run.folder / "run" / f"{name}.html"
+    path.write_text(f'{before}id="data">{data}</script>{after}')
+    return path.as_uri()
+
+
+def reopen(page, report):
+    page.open("about:blank", "true")
+    page.open(report)
+
+
+def check_layout(page, run):
     """Tests the layout, in a window and on a phone, light and dark."""
+    report = edited(run, "curves", metrics=[{"step": step, **{key: 1e6 * step for key in CURVES}} for step in (1, 2, 3)])
     for dark in (False, True):
         page.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
         for width, height, mobile in ((1280, 900, False), (390, 844, True)):
             page.resize(width, height, mobile=mobile)
-            page.open("about:blank", "true")
-            page.open(report)
+            reopen(page, report)
             check_rows(page, width, mobile)
+            check_charts(page, mobile)
             expect_contrast(page, f"{width} px, {'dark' if dark else 'light'}")
-    page.call("Emulation.setEmulatedMedia", features=[])
+    page.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-reduced-motion", "value": "reduce"}])
     page.resize(1280, 900)
-    page.open("about:blank", "true")
-    page.open(report)
+    reopen(page, run.report)
+    check_motion(page)
+    for width in (1180, 1280, 1440, 1600, 1920):
+        page.resize(width, 900)
+        slider, controls = box(page, "moment")[2], page.evaluate("document.querySelector('.controls').offsetWidth")
+        expect(slider > 0.55 * controls, f"a wide slider at {width} px, found {slider} of {controls} px")
+    page.resize(1280, 900)
     check_place(page)
     check_brightness(page)
+    check_cases(page, run)
+
+
+def check_motion(page):
+    """The hint to drag fades by itself, and at once where motion is not wanted."""
+    hint = "document.getElementById('hint')"
+    expect(page.evaluate(f"getComputedStyle({hint}).animationDuration") == "0.001s", "the hint does not move where motion is not wanted")
+    expect(page.evaluate("getComputedStyle(document.documentElement).scrollBehavior") == "auto", "nor does the page")
+    page.call("Emulation.setEmulatedMedia", features=[])
+    expect(page.evaluate(f"getComputedStyle({hint}).animationDuration") == "1s", "the hint fades")
+    page.evaluate(f"{hint}.getAnimations()[0].finish()")
+    expect(page.evaluate(f"getComputedStyle({hint}).opacity") == "0", "the hint has faded")
+
+
+def check_cases(page, run):
+    """A scene that is worse than its frames; a run without test views or an allocation."""
+    reopen(page, edited(run, "worse", headline={"views": 1, "blurry": 30, "edi": 31, "efnet": 32.5, "render": 29}))
+    cards = page.evaluate("[...document.querySelectorAll('#glance .card')].slice(0, 3).map(card => [card.className, card.firstChild.textContent])")
+    expect(cards == [["card", "blurry frame"], ["card best", "best 2D restoration (EFNet)"], ["card worse", "this scene"]], f"three cards, found {cards}")
+    colours = page.evaluate("['best', 'worse'].map(kind => getComputedStyle(document.querySelector(`.card.${kind}`)).outlineColor)")
+    expect(colours == ["rgb(8, 112, 78)", "rgb(178, 106, 0)"], f"green for the best and amber for the scene, found {colours}")
+    expect(page.evaluate("document.getElementById('verdict').textContent").startswith("1.0 dB below"), "a verdict that says so")
+    facts = page.evaluate("[document.getElementById('title').textContent, document.title, document.getElementById('facts').textContent]")
+    expect(facts[:2] == ["data", "data"] and re.match(r"\d{4}-\d\d-\d\d · 3 exposures", facts[2]), f"name and date, found {facts}")
+    parts = "[...document.querySelectorAll('details.part')].filter(part => !part.hidden).map(part => part.querySelector('h2').textContent)"
+    expect("Allocation" in page.evaluate(parts), "the allocation of a run that has one")
+    reopen(page, edited(run, "bare", headline=None, evaluation=None, tests=[], allocation={"views": []}, metrics=[]))
+    found = page.evaluate(parts)
+    expect(found == ["Sharp views from blurry frames", "Settings"], f"no empty parts, found {found}")
+    expect(page.evaluate("document.getElementById('verdict').hidden"), "no verdict without a truth")
 
 
 def check_rows(page, width, mobile):
     slider = box(page, "moment")[2]
     expect(slider > (0.6 if mobile else 0.4) * width, f"the exposure's slider has a row of its own, found {slider} of {width} px")
     expect(page.evaluate("document.querySelector('label.grow').getClientRects().length === 1 && document.querySelector('label.grow').offsetHeight < 40"), "its label stays whole")
+    events = page.evaluate("(box => [box.offsetHeight, box.scrollWidth - box.clientWidth])(document.getElementById('events').parentElement)")
+    expect(events[0] < 40 and events[1] <= 0, f"the word beside its box, found {events}")
+    words = page.evaluate("['play', 'more'].map(id => document.getElementById(id).textContent)")
+    expect("Play exposure" in words[0] and words[1].startswith("Export"), f"words on the controls, found {words}")
     handle = page.evaluate("(style => [style.width, style.content])(getComputedStyle(document.getElementById('bar'), '::before'))")
     expect(handle[0] == "32px", f"the wipe has a handle, found {handle}")
-    expect(page.evaluate("getComputedStyle(document.getElementById('hint')).opacity") == "1", "a hint to drag")
     parts = page.evaluate("[...document.querySelectorAll('details.part')].filter(part => !part.hidden).map(part => part.open)")
     expect(parts.count(True) == (0 if mobile else len(parts) - 1), f"a phone folds all parts, a window all but the settings, found {parts}")
     page.evaluate("document.querySelectorAll('details.part').forEach(part => { part.open = true; })")
-    expect(page.evaluate("document.getElementById('charts').childElementCount") <= 4, "four curves at most come first")
-    expect(page.evaluate("!document.getElementById('more-charts').open"), "the other curves are folded")
     columns = page.evaluate("getComputedStyle(document.getElementById('tests')).gridTemplateColumns.split(' ').length")
     expect(columns == (1 if mobile else 3), f"test views in a grid, found {columns} columns")
+    strip = page.evaluate("""(strip => [new Set([...strip.children].map(each => each.offsetTop)).size, strip.lastChild.getBoundingClientRect().right,
+        strip.getBoundingClientRect().right])(document.querySelector('#views .strip'))""")
+    expect(mobile or (strip[0] == 1 and strip[2] - strip[1] < 2), f"the pictures of a view side by side, over the whole width, found {strip}")
+    expect(page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "nothing beyond the edge")
     best = page.evaluate("[...document.querySelectorAll('#glance .best')].length")
     expect(best <= 1, f"one figure in green at most, found {best}")
     values = page.evaluate("[...document.querySelectorAll('#glance dd:not(.note)')].map(each => each.textContent)")
     expect(len(set(values)) == len(values), f"no figure twice, found {values}")
 
 
+def check_charts(page, mobile):
+    """Four curves in one row with letters of a readable size; the others folded."""
+    names = "[...document.querySelectorAll('#%s text:first-of-type')].map(text => text.textContent)"
+    expect(page.evaluate(names % "charts") == ["loss", "re-blur PSNR, dB", "test PSNR, dB", "Gaussians"], "four curves come first")
+    expect(page.evaluate(names % "other-charts") == ["position_lr", "memory_bytes"] and page.evaluate("!document.getElementById('more-charts').open"),
+           "the other curves are folded")
+    tops = page.evaluate("new Set([...document.querySelectorAll('#charts svg')].map(svg => svg.getBoundingClientRect().top)).size")
+    expect(tops == (4 if mobile else 1), f"four curves in a row, or below each other on a phone, found {tops} rows")
+    letters = page.evaluate("[...document.querySelectorAll('#charts svg')].map(svg => 12 * svg.getBoundingClientRect().width / svg.viewBox.baseVal.width)")
+    expect(all(11 < size < 18 for size in letters), f"letters of a readable size, found {letters} px")
+    cut = page.evaluate("""[...document.querySelectorAll('#charts text')].filter(text => { const [box, frame] = [text, text.ownerSVGElement].map(each => each.getBoundingClientRect());
+        return box.left < frame.left || box.right > frame.right; }).map(text => text.textContent)""")
+    expect(cut == [], f"labels inside their chart, found {cut}")
+
+
 def expect_contrast(page, where):
-    ratio = page.evaluate("""(() => {
-        const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).map((v) => { const x = v / 255; return x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4; });
+    worst = page.evaluate("""(() => {
+        const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+        const light = (rgb) => { const [r, g, b] = rgb.map((v) => { const x = v / 255; return x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4; });
             return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
-        const paper = matchMedia('(prefers-color-scheme: dark)').matches ? 'rgb(18, 18, 18)' : 'rgb(255, 255, 255)';
-        return Math.min(...[...document.querySelectorAll('h1, .note, .facts, td, th')].map((each) => {
-            const [a, b] = [light(getComputedStyle(each).color), light(paper)].sort((x, y) => y - x); return (a + 0.05) / (b + 0.05); })); })()""")
-    expect(ratio >= 4.5, f"text that can be read at {where}, found a contrast of {ratio:.1f}")
+        const under = (each) => { // backgrounds from the page up, laid over each other
+            const above = each.parentElement ? under(each.parentElement) : matchMedia('(prefers-color-scheme: dark)').matches ? [18, 18, 18] : [255, 255, 255];
+            const [r, g, b, a = 1] = parse(getComputedStyle(each).backgroundColor);
+            return [r, g, b].map((value, k) => a * value + (1 - a) * above[k]); };
+        const shown = [...document.querySelectorAll('h1, h2, h3, h4, p, li, dt, dd, td, th, a, .chip, .thumb span, .none span, .controls button, .charts text')]
+            .filter(each => each.textContent.trim() && each.getClientRects().length > 0 && !each.disabled);
+        return shown.map((each) => {
+            const style = getComputedStyle(each);
+            const [a, b] = [parse(each.tagName === 'text' ? style.fill : style.color), under(each)].map(light).sort((x, y) => y - x);
+            return [(a + 0.05) / (b + 0.05), each.outerHTML.slice(0, 80)];
+        }).sort((x, y) => x[0] - y[0])[0]; })()""")
+    expect(worst[0] >= 4.5, f"text that can be read at {where}, found a contrast of {worst[0]:.2f}: {worst[1]}")
 
 
 def check_place(page):
@@ -475,20 +559,25 @@ def check_place(page):
     page.evaluate("document.getElementById('stage').focus()")
     page.drag((left + 0.8 * width, top + 0.5 * height), (left + 0.2 * width, top + 0.5 * height))
     page.wait("!document.getElementById('shade').hidden")
-    expect(page.evaluate("document.getElementById('hint').classList.contains('gone')"), "the hint has faded")
     page.evaluate("document.getElementById('back').click()")
     page.wait("!jade.state.pose")
     expect(page.evaluate(away) == [False, False, False], "back at the camera")
 
 
 def check_brightness(page):
-    """Brightness affects only the display: the pictures keep their bytes."""
+    """Brightness affects only the display of photographs: pictures keep their bytes, maps their look."""
     source = page.evaluate("document.getElementById('left').src")
     choose(page, "brightness", 2)
     for what in ("#scene", "#stage img.layer", ".thumb img"):
         found = page.evaluate(f"getComputedStyle(document.querySelector({json.dumps(what)})).filter")
         expect(found == "brightness(2)", f"{what} is shown twice as bright, found {found}")
+    maps = page.evaluate("[...document.querySelectorAll('.thumb')].filter(each => /^(α|event density)$/.test(each.textContent)).map(each => getComputedStyle(each.firstChild).filter)")
+    expect(len(maps) == 6 and set(maps) == {"none"}, f"maps as they are, found {maps}")
+    expect(page.evaluate("document.getElementById('brightness-value').textContent") == "2×", "the factor beside its slider")
     expect(page.evaluate("document.getElementById('left').src") == source, "the picture itself is the same")
+    choose(page, "right-layer", "α")
+    page.wait("document.getElementById('right').alt === 'α'")
+    expect(page.evaluate("getComputedStyle(document.getElementById('right')).filter") == "none", "a map over the scene as it is")
     choose(page, "brightness", 1)
 
 
@@ -506,9 +595,9 @@ def check_page(run):
         check_path(page, run)
         check_link(page, run)
         check_access(page)
-        check_layout(page, run.report)
+        check_layout(page, run)
         expect(page.errors == [], f"the page complains: {page.errors}")
-        foreign = [url[:80] for url in page.requests if not url.startswith((run.report, "data:", "blob:", "about:"))]
+        foreign = [url[:80] for url in page.requests if not url.startswith(((run.folder / "run").as_uri(), "data:", "blob:", "about:"))]
         expect(foreign == [], f"the page asks elsewhere: {foreign}")
 
 

@@ -272,6 +272,7 @@ test('report: the glance compares with blurry and EDI, and says something in eve
   assert.equal(beaten[1].label, 'best 2D restoration (EFNet)');
   assert.deepEqual(beaten.map(({ best, worse }) => [Boolean(best), Boolean(worse)]), [[false, false], [true, false], [false, true], [false, false]]);
   assert.equal(verdict(headline), '5.3 dB sharper than the frames');
+  assert.equal(verdict({ ...headline, efnet: 26 }), '5.3 dB sharper than the frames, 0.8 dB behind the best 2D restoration');
   assert.match(verdict({ ...headline, render: 19 }), /^1.0 dB below/);
   assert.equal(verdict(null), null);
   const split = glanceFigures({ headline: null, metrics: [],
@@ -282,6 +283,7 @@ test('report: the glance compares with blurry and EDI, and says something in eve
   const unseen = glanceFigures({ headline: null, metrics: [], evaluation: { mean: { psnr: null, ssim: null, psnr_reblur: 31.5 }, mean_seen: null, mean_unseen: null } });
   assert.deepEqual(unseen.map(({ label, value }) => [label, value]), [['held-out re-blur PSNR', '31.50 dB']]);
   assert.deepEqual([short(1234567), short(12345), short(0.00012345)], ['1.23M', '12.3k', '0.000123']);
+  assert.deepEqual([0, 9999.6, 999999, 123456789012, 1e-7, -1.6e-5].map(short), ['0', '10k', '1M', '1.23·10¹¹', '1·10⁻⁷', '-1.6·10⁻⁵']);
 });
 
 test('report: no figure twice, and how long the steps took', () => {
@@ -316,13 +318,17 @@ test('frusta: a recorded pose is inside, one turned away or far away is outside'
 });
 
 test('sweep: a lead within the noise of seeds is called level', () => {
-  const row = (title, text) => ({ title, cells: [{ text }] });
-  const [a, b, c] = [row('a', '30.05'), row('b', '30.00'), row('c', '31.00')];
-  assert.equal(levelWith({ rows: [a, b] }, 0, a), 'b');
-  assert.equal(levelWith({ rows: [a, c] }, 0, c), '');
-  const [d, e, f] = [row('d', '30.05 ± 0.01'), row('e', '30.00 ± 0.01'), row('f', '30.00 ± 0.06')];
-  assert.equal(levelWith({ rows: [d, e] }, 0, d), '');
-  assert.equal(levelWith({ rows: [d, f] }, 0, d), 'f');
+  const row = (title, mean, deviation = null, gap = false) => ({ title, cells: [{ mean, deviation, gap }] });
+  const level = (noise, first, ...others) => levelWith({ rows: [...others, first] }, 0, first, noise);
+  assert.equal(level(0.3, row('a', 30.05), row('b', 30)), 'b');
+  assert.equal(level(0.3, row('a', 31), row('b', 30.05), row('c', 30)), '');
+  assert.equal(level(0.003, row('a', 0.85), row('b', 0.848)), 'b');
+  assert.equal(level(0, row('a', 12), row('b', 12.1)), ''); // minutes
+  // Several seeds tell their noise themselves; a row that is farther off may be the one that is level.
+  assert.equal(level(0.3, row('a', 30.05, 0.01), row('b', 30, 0.01)), '');
+  assert.equal(level(0.3, row('a', 30.05, 0.01), row('b', 30, 0.01), row('c', 29.9, 0.2)), 'c');
+  // Rows with missing seeds or without a value are no rivals.
+  assert.equal(level(0.3, row('a', 30), row('b', 29.9, null, true), row('c', null)), '');
 });
 
 test('sweep: a picture per row, of the lowest seed that has one, and the reason where none has', () => {

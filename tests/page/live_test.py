@@ -34,6 +34,7 @@ def check_frames(page, served):
     expect("step" in hud and "Gaussians" in hud and "48×36" in hud, f"what is shown: {hud}")
     page.wait("document.querySelectorAll('.charts svg').length > 3")
     expect(page.evaluate("document.querySelectorAll('#glance .card').length") >= 3, "figures")
+    expect(page.evaluate("document.getElementById('title').textContent") == "data", "the name of the data set")
     expect(page.evaluate("['views', 'allocation'].every(id => document.getElementById(id).closest('.part').hidden)"), "no empty sections")
 
 

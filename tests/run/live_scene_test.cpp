@@ -24,6 +24,7 @@ TEST_CASE("live scene: the page carries the events of its exposures, and of noth
   run::LiveScene live(dataset, {}, none);
   for (const char* camera : {"train.0", "train.1", "train.2", "test.0"}) live.add(camera, {});
   const auto page = nlohmann::json::parse(live.page_data({{}, "", "id", false}));
+  CHECK(page["title"] == dataset.name);
   REQUIRE(page["views"].size() == 3);
   for (const size_t index : {0, 2}) {
     const auto& film = page["views"][index]["events"];

@@ -60,14 +60,13 @@ void LiveRun::begin(const WatchedRun& run) {
   std::ifstream metrics(run.folder / "metrics.jsonl");
   for (std::string line; std::getline(metrics, line);) on_metrics(line);
   tell("training");
-  server_.show(page::live_page(
-      scene_->page_data({{run.dataset.name, concat(run.dataset.train.size(), " exposures"),
-                          device_name(state_->gaussians.device())},
-                         read_file(run.folder / "config.yaml"),
-                         server_.board().id(),
-                         /*pausable=*/true,
-                         cameras_->are_learned(),
-                         (run.folder / kReportFile).string()})));
+  server_.show(page::live_page(scene_->page_data(
+      {{concat(run.dataset.train.size(), " exposures"), device_name(state_->gaussians.device())},
+       read_file(run.folder / "config.yaml"),
+       server_.board().id(),
+       /*pausable=*/true,
+       cameras_->are_learned(),
+       (run.folder / kReportFile).string()})));
 }
 
 void LiveRun::tell(const std::string& phase) {

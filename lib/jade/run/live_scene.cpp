@@ -169,10 +169,15 @@ Json scores_of(const LiveScene::PageText& text) {
 
 std::string LiveScene::page_data(const PageText& text) const {
   const splat::Gaussians gaussians = gaussians_();
-  Json data{{"facts", text.facts},           {"headline", nullptr},
-            {"evaluation", scores_of(text)}, {"config", text.config},
-            {"metrics", Json::array()},      {"allocation", {{"views", Json::array()}}},
-            {"views", Json::array()},        {"tests", Json::array()}};
+  Json data{{"title", dataset_.name},
+            {"facts", text.facts},
+            {"headline", nullptr},
+            {"evaluation", scores_of(text)},
+            {"config", text.config},
+            {"metrics", Json::array()},
+            {"allocation", {{"views", Json::array()}}},
+            {"views", Json::array()},
+            {"tests", Json::array()}};
   for (const auto& [camera, pictures] : pictures_) {
     Json names = Json::array();
     for (const ViewPicture& each : pictures) names.push_back({{"name", each.name}});

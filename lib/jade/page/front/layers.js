@@ -3,6 +3,7 @@
 
 export const SCENE = 'scene';
 export const DIFFERENCE = '|difference|';
+export const MAPS = ['depth', 'α', 'event density', DIFFERENCE]; // not photographs: display brightness does not apply
 const GAIN = 4; // brightness factor of the difference, which is dark otherwise
 
 export class Layers {
@@ -72,6 +73,7 @@ export class Layers {
     if (!source) return;
     image.src = source;
     image.alt = name;
+    image.classList.toggle('map', MAPS.includes(name));
     await image.decode().catch(() => {});
   }
 

@@ -271,6 +271,7 @@ export class LivePage {
     Object.assign(this, { page, data, link: new LiveLink(location.search), tail: new MetricsTail(), state: null, renewedAt: 0 });
     page.live = this;
     document.title = 'JADE-GS live';
+    document.getElementById('title').textContent = data.title;
     for (const view of [...data.views, ...data.tests]) view.pictures.forEach((picture) => this.givePicture(view, picture));
     for (const id of ['views', 'tests', 'allocation']) document.getElementById(id).closest('.part').hidden = true;
     if (data.evaluation) {
@@ -422,7 +423,6 @@ export class LivePage {
     charts.replaceChildren();
     others.replaceChildren();
     writeCurves(charts, others, tail.lines);
-    document.getElementById('more-charts').hidden = others.childElementCount === 0;
   }
 
   lose() {

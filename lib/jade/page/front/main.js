@@ -239,6 +239,7 @@ class Page {
   /** Brightness of the display: 1 shows unchanged values. */
   setBrightness(value) {
     element('brightness').value = value;
+    element('brightness-value').textContent = `${value}×`;
     document.documentElement.style.setProperty('--brightness', value);
   }
 
@@ -456,7 +457,7 @@ class Page {
     await this.jump(view.camera);
     const other = this.viewer ? SCENE : 'render';
     await this.layers.choose(name, other);
-    element('see').scrollIntoView({ behavior: 'smooth' });
+    element('see').scrollIntoView();
   }
 }
 

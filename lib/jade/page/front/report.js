@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Parts of the report below the scene: headline figures, views, tables, curves.
 
+import { MAPS } from './layers.js';
 import { make, tableIn } from './elements.js';
 
 const at = (id) => document.getElementById(id);
-const METRICS = ['psnr', 'psnr_channel_mean', 'ssim', 'lpips_alex01', 'lpips_vgg', 'psnr_reblur'];
+const METRICS = {
+  psnr: 'PSNR', psnr_channel_mean: 'PSNR, mean of channels', ssim: 'SSIM', lpips_alex01: 'LPIPS', lpips_vgg: 'LPIPS (VGG)', psnr_reblur: 're-blur PSNR',
+};
 
 /** @param onPick  called with a view and the name of one of its pictures */
 export function writeReport(data, onPick) {
@@ -24,10 +27,10 @@ export function writeReport(data, onPick) {
     for (const view of views) strip(at('tests'), 'h4', view, onPick);
   }
   writeScores(at('scores'), data.evaluation);
+  at('tests').closest('.part').hidden = data.tests.length === 0 && !data.evaluation;
   at('allocation-part').hidden = !data.allocation.mean;
   if (data.allocation.mean) writeAllocation(at('allocation'), data.allocation);
   writeCurves(at('charts'), at('other-charts'), withFinalScores(data.metrics, data.evaluation));
-  at('more-charts').hidden = at('other-charts').childElementCount === 0;
   foldOnPhones();
 }
 
@@ -60,7 +63,8 @@ export function verdict(headline) {
   if (!headline) return null;
   const gain = headline.render - headline.blurry;
   if (gain < 0) return `${(-gain).toFixed(1)} dB below the blurry frames: see docs/troubleshooting.md`;
-  return `${gain.toFixed(1)} dB sharper than the frames`;
+  const behind = Math.max(headline.edi, headline.efnet ?? -Infinity) - headline.render;
+  return `${gain.toFixed(1)} dB sharper than the frames${behind >= 0.05 ? `, ${behind.toFixed(1)} dB behind the best 2D restoration` : ''}`;
 }
 
 /** The headline figures: {label, value, note, best, worse}; `worse` marks a scene below the blurry frames. */
@@ -119,7 +123,7 @@ function strip(parent, heading, view, onPick) {
   const row = make('div', box, { className: 'strip' });
   for (const picture of view.pictures) {
     const button = make('button', row, { type: 'button', className: 'thumb', title: 'show above' });
-    make('img', button, { src: picture.src, alt: '', loading: 'lazy' });
+    make('img', button, { src: picture.src, alt: '', loading: 'lazy', className: MAPS.includes(picture.name) ? 'map' : '' });
     make('span', button, { textContent: picture.note ? `${picture.name} ${picture.note}` : picture.name });
     button.setAttribute('aria-label', `${picture.name} ${picture.note ?? ''} of ${view.name}: show above`);
     button.onclick = () => onPick(view, picture.name);
@@ -142,13 +146,13 @@ export function writeScores(parent, evaluation) {
   if (!evaluation) return;
   const mark = ({ seen }) => (typeof seen === 'boolean' ? (seen ? 'seen' : 'unseen') : '-');
   const means = [['mean of seen', evaluation.mean_seen], ['mean of unseen', evaluation.mean_unseen], ['mean', evaluation.mean]];
-  const metrics = METRICS.filter((key) => [...evaluation.views, evaluation.mean].some((scores) => typeof scores?.[key] === 'number'));
-  table(parent, 'Scores of the test views', ['view', 'in training', ...metrics], [
+  const metrics = Object.keys(METRICS).filter((key) => [...evaluation.views, evaluation.mean].some((scores) => typeof scores?.[key] === 'number'));
+  table(parent, 'Scores of the test views', ['view', 'in training', ...metrics.map((key) => METRICS[key])], [
     ...evaluation.views.map((view) => [view.name, mark(view), ...metrics.map((key) => view[key])]),
     ...means.filter(([, mean]) => mean).map(([name, mean]) => [name, '', ...metrics.map((key) => mean[key])]),
   ]);
   const list = make('ul', parent, { className: 'facts' });
-  for (const key of metrics) make('li', list, { textContent: `${key}: ${evaluation.definitions[key]}` });
+  for (const key of metrics) make('li', list, { textContent: `${METRICS[key]}: ${evaluation.definitions[key]}` });
 }
 
 function writeAllocation(parent, { views, mean }) {
@@ -185,18 +189,24 @@ export function writeCurves(parent, more, metrics) {
     const points = metrics.filter((line) => typeof line[key] === 'number').map((line) => [line.step, line[key]]);
     if (points.length > 1) chart(key in FIRST_CURVES ? parent : more, FIRST_CURVES[key] ?? key, points);
   }
+  more.parentElement.hidden = more.childElementCount === 0;
 }
 
-/** Three digits, thousands as k and millions as M. */
+/** Three digits: thousands as k, millions as M, and powers of ten beyond these and below 0.0001. */
 export function short(value) {
-  const size = Math.abs(value);
-  if (size >= 1e6) return `${(value / 1e6).toPrecision(3)}M`;
-  return size >= 1e4 ? `${(value / 1e3).toPrecision(3)}k` : String(Number(value.toPrecision(3)));
+  const rounded = Number(value.toPrecision(3));
+  const size = Math.abs(rounded);
+  if (size >= 1e9 || (size > 0 && size < 1e-4)) {
+    const [factor, exponent] = rounded.toExponential().split('e');
+    return `${factor}·10${[...String(Number(exponent))].map((sign) => (sign === '-' ? '⁻' : '⁰¹²³⁴⁵⁶⁷⁸⁹'[sign])).join('')}`;
+  }
+  if (size >= 1e6) return `${rounded / 1e6}M`;
+  return size >= 1e4 ? `${rounded / 1e3}k` : String(rounded);
 }
 
 function chart(parent, name, points) {
-  const [width, height] = [340, 170];
-  const margin = { left: 46, right: 8, top: 22, bottom: 20 };
+  const [width, height] = [275, 160];
+  const margin = { left: 52, right: 8, top: 22, bottom: 20 };
   const space = 'http://www.w3.org/2000/svg';
   const range = (k) => points.reduce(([low, high], point) => [Math.min(low, point[k]), Math.max(high, point[k])], [Infinity, -Infinity]);
   const [[x0, x1], [y0, y1]] = [range(0), range(1)];
