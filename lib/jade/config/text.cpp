@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/config/text.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 
 #include "jade/core/error.h"
 
@@ -86,6 +89,22 @@ struct TypeText {
   }
 };
 
+/// A limit for people: "0.0001", "100000", "10^8" or "4*10^12" where number_text() may have
+/// "1e-04" or "1e+08".
+std::string limit_text(double value) {
+  const std::string text = number_text(value);
+  const size_t at = text.find('e');
+  if (at == std::string::npos) return text;
+  const int exponent = std::stoi(text.substr(at + 1));
+  if (exponent >= -4 && exponent < 6) {
+    char plain[32];
+    std::snprintf(plain, sizeof plain, "%.*f", std::max(0, -exponent), value);
+    if (std::strtod(plain, nullptr) == value) return plain;
+  }
+  const std::string factor = text.substr(0, at);
+  return (factor == "1" ? "" : factor + "*") + "10^" + std::to_string(exponent);
+}
+
 }  // namespace
 
 std::string joined_words(const std::vector<EnumPointer::Entry>& entries,
@@ -120,9 +139,9 @@ std::string range_text(const Field& field) {
   if (!field.range) return "";
   const bool below = std::isfinite(field.range->min), above = std::isfinite(field.range->max);
   if (below && above)
-    return "[" + number_text(field.range->min) + ", " + number_text(field.range->max) + "]";
-  if (below) return ">= " + number_text(field.range->min);
-  return above ? "<= " + number_text(field.range->max) : "";
+    return "[" + limit_text(field.range->min) + ", " + limit_text(field.range->max) + "]";
+  if (below) return ">= " + limit_text(field.range->min);
+  return above ? "<= " + limit_text(field.range->max) : "";
 }
 
 std::string expectation(const Field& field) {

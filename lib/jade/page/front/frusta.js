@@ -22,6 +22,11 @@ export function outsideness(pose, recorded, reach) {
   return Math.min(...away);
 }
 
+/** Opacity of the shade over a view: none near the cameras, almost black where the scene falls apart. */
+export function shadeOf(outside) {
+  return Math.min(0.85, Math.max(0, 2 * (outside - 0.6)));
+}
+
 /** Edges of a recorded camera's frustum as pairs of world points. */
 export function frustumEdges(pose, { width, height, fx, fy, cx, cy }, depth) {
   const centre = centreOf(pose);

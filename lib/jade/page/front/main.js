@@ -11,7 +11,7 @@ import { formatLink, parseLink } from './link.js';
 import { add, axis, poseInExposure, unit } from './pose.js';
 import { gunzipBase64, parseSpz } from './spz.js';
 import { shortcut, takesSpace } from './elements.js';
-import { drawFrusta, outsideness } from './frusta.js';
+import { drawFrusta, outsideness, shadeOf } from './frusta.js';
 import { writeReport } from './report.js';
 import { LivePage } from './live.js';
 
@@ -231,9 +231,9 @@ class Page {
     const cameras = [...this.cameras].filter(([id]) => id.startsWith('train.')).map(([, camera]) => camera);
     const recorded = [...this.cameras.values()].flatMap((camera) => camera.poses);
     drawFrusta(element('frusta'), this.camera(), this.pose(), cameras, this.distance);
-    const outside = outsideness(this.pose(), recorded, this.distance);
-    element('shade').hidden = outside <= 1;
-    element('shade').style.opacity = Math.min(0.6, 0.3 * outside);
+    const dark = shadeOf(outsideness(this.pose(), recorded, this.distance));
+    element('shade').hidden = dark === 0;
+    element('shade').style.opacity = dark;
   }
 
   /** Brightness of the display: 1 shows unchanged values. */

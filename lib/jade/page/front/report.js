@@ -31,6 +31,7 @@ export function writeReport(data, onPick) {
   at('allocation-part').hidden = !data.allocation.mean;
   if (data.allocation.mean) writeAllocation(at('allocation'), data.allocation);
   writeCurves(at('charts'), at('other-charts'), withFinalScores(data.metrics, data.evaluation));
+  at('charts').closest('.part').hidden = at('charts').childElementCount + at('other-charts').childElementCount === 0;
   foldOnPhones();
 }
 
