@@ -156,7 +156,7 @@ def check_start(page, run):
     page.evaluate(PROBE)
     expect(page.evaluate("document.getElementById('left-tag').textContent").startswith("blurry"), "before on the left")
     expect(page.evaluate("document.getElementById('right-tag').textContent") == "scene", "after on the right")
-    expect(page.evaluate("document.querySelectorAll('#glance .card').length") >= 4, "headline figures")
+    expect(page.evaluate("document.querySelectorAll('#glance .card').length") == 3, "three headline figures")
     expect(page.evaluate("[...document.querySelectorAll('#tests h3')].map(h => h.textContent.split(':')[0])")
            == ["Seen in training", "Not seen in training"], "seen and unseen views apart")
     page.evaluate("document.getElementById('native').click()")
@@ -470,7 +470,7 @@ def check_motion(page):
 def check_cases(page, run):
     """A scene that is worse than its frames; a run without test views or an allocation."""
     reopen(page, edited(run, "worse", headline={"views": 1, "blurry": 30, "edi": 31, "efnet": 32.5, "render": 29}))
-    cards = page.evaluate("[...document.querySelectorAll('#glance .card')].slice(0, 3).map(card => [card.className, card.firstChild.textContent])")
+    cards = page.evaluate("[...document.querySelectorAll('#glance .card')].map(card => [card.className, card.firstChild.textContent])")
     expect(cards == [["card", "blurry frame"], ["card best", "best 2D restoration (EFNet)"], ["card worse", "this scene"]], f"three cards, found {cards}")
     colours = page.evaluate("['best', 'worse'].map(kind => getComputedStyle(document.querySelector(`.card.${kind}`)).outlineColor)")
     expect(colours == ["rgb(8, 112, 78)", "rgb(178, 106, 0)"], f"green for the best and amber for the scene, found {colours}")
@@ -482,6 +482,9 @@ def check_cases(page, run):
     reopen(page, edited(run, "bare", headline=None, evaluation=None, tests=[], allocation={"views": []}, metrics=[]))
     found = page.evaluate(parts)
     expect(found == ["Sharp views from blurry frames", "Settings"], f"no empty parts, found {found}")
+    reopen(page, edited(run, "short", metrics=[{"step": 1, "loss": 1}, {"step": 2, "loss": 2}]))
+    wide = page.evaluate("document.querySelector('#charts svg').getBoundingClientRect().width")
+    expect(250 < wide < 450, f"one curve is no larger than one of four, found {wide} px")
     expect(page.evaluate("document.getElementById('verdict').hidden"), "no verdict without a truth")
 
 

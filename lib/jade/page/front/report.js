@@ -71,6 +71,7 @@ export function verdict(headline) {
 /** The headline figures: {label, value, note, best, worse}; `worse` marks a scene below the blurry frames. */
 export function glanceFigures({ headline, evaluation, metrics }) {
   const decibels = (value) => `${value.toFixed(2)} dB`;
+  const similarity = (mean) => (typeof mean?.ssim === 'number' ? `SSIM ${mean.ssim.toFixed(3)}` : '');
   const figures = [];
   if (headline) {
     const over = (value) => `${value >= headline.blurry ? '+' : '−'}${Math.abs(value - headline.blurry).toFixed(2)} dB`;
@@ -78,16 +79,15 @@ export function glanceFigures({ headline, evaluation, metrics }) {
     const learned = typeof headline.efnet === 'number' && headline.efnet > headline.edi;
     const restored = learned ? headline.efnet : headline.edi;
     figures.push({ label: `best 2D restoration (${learned ? 'EFNet' : 'EDI'})`, value: decibels(restored), note: over(restored), best: restored > headline.render });
-    figures.push({ label: 'this scene', value: decibels(headline.render), note: over(headline.render), best: headline.render >= restored, worse: headline.render < headline.blurry });
+    const unseen = evaluation?.mean_unseen;
+    const note = [over(headline.render), similarity(evaluation?.mean_seen), unseen ? `unseen views ${decibels(unseen.psnr)}` : '', similarity(unseen)];
+    figures.push({ label: 'this scene', value: decibels(headline.render), note: note.filter(Boolean).join(', '), best: headline.render >= restored, worse: headline.render < headline.blurry });
   }
   for (const [label, mean] of [['seen test views', evaluation?.mean_seen], ['unseen test views', evaluation?.mean_unseen],
     ['test views', evaluation?.mean_seen || evaluation?.mean_unseen ? null : evaluation?.mean]]) {
-    if (typeof mean?.psnr !== 'number') continue;
-    // The headline may already compare the seen test views.
-    const value = decibels(mean.psnr);
-    const shown = figures.find((figure) => figure.label === 'this scene' && figure.value === value);
-    if (shown) shown.note += `, SSIM ${mean.ssim.toFixed(3)}`;
-    else figures.push({ label, value, note: `SSIM ${mean.ssim.toFixed(3)}` });
+    // The headline already compares the seen test views, or others taken at the same time.
+    if (headline || typeof mean?.psnr !== 'number') continue;
+    figures.push({ label, value: decibels(mean.psnr), note: similarity(mean) });
   }
   const explained = evaluation?.mean?.psnr_reblur;
   if (!headline && typeof explained === 'number') {
