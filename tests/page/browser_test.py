@@ -482,10 +482,10 @@ def check_cases(page, run):
     reopen(page, edited(run, "bare", headline=None, evaluation=None, tests=[], allocation={"views": []}, metrics=[]))
     found = page.evaluate(parts)
     expect(found == ["Sharp views from blurry frames", "Settings"], f"no empty parts, found {found}")
+    expect(page.evaluate("document.getElementById('verdict').hidden"), "no verdict without a truth")
     reopen(page, edited(run, "short", metrics=[{"step": 1, "loss": 1}, {"step": 2, "loss": 2}]))
     wide = page.evaluate("document.querySelector('#charts svg').getBoundingClientRect().width")
     expect(250 < wide < 450, f"one curve is no larger than one of four, found {wide} px")
-    expect(page.evaluate("document.getElementById('verdict').hidden"), "no verdict without a truth")
 
 
 def check_rows(page, width, mobile):
@@ -564,7 +564,7 @@ def check_place(page):
     page.wait("!jade.state.pose")
     page.drag((left + 0.7 * width, top + 0.5 * height), (left + 0.7 * width - 120, top + 0.5 * height))
     page.wait("!document.getElementById('shade').hidden")
-    dark = float(page.evaluate("document.getElementById('shade').style.opacity"))
+    dark = float(page.evaluate("getComputedStyle(document.getElementById('shade')).backgroundColor").strip("rgba()").split(",")[3])
     expect(dark > 0.5, f"120 px from a camera the scene is dimmed, found {dark}")
     page.evaluate("document.getElementById('back').click()")
     page.wait("!jade.state.pose")

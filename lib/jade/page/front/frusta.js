@@ -24,7 +24,7 @@ export function outsideness(pose, recorded, reach) {
 
 /** Opacity of the shade over a view: none near the cameras, almost black where the scene falls apart. */
 export function shadeOf(outside) {
-  return Math.min(0.85, Math.max(0, 2 * (outside - 0.6)));
+  return Math.min(0.85, Math.max(0, 2 * (outside - 0.4)));
 }
 
 /** Edges of a recorded camera's frustum as pairs of world points. */

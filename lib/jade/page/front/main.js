@@ -233,7 +233,7 @@ class Page {
     drawFrusta(element('frusta'), this.camera(), this.pose(), cameras, this.distance);
     const dark = shadeOf(outsideness(this.pose(), recorded, this.distance));
     element('shade').hidden = dark === 0;
-    element('shade').style.opacity = dark;
+    element('shade').style.background = `rgb(0 0 0 / ${dark})`;
   }
 
   /** Brightness of the display: 1 shows unchanged values. */
