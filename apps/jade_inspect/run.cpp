@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "jade/core/readable.h"
 #include "jade/run/run_summary.h"
 #include "jade_inspect/scene.h"
 
@@ -17,9 +18,7 @@ void print_numbers(const char* title, const nlohmann::json& numbers) {
   std::string line;
   for (const auto& [name, value] : numbers.items()) {
     if (!value.is_number()) continue;
-    char number[40];
-    std::snprintf(number, sizeof number, "%.5g", value.get<double>());
-    line += (line.empty() ? "" : ", ") + name + " " + number;
+    line += (line.empty() ? "" : ", ") + name + " " + readable(value.get<double>(), 5);
   }
   std::printf("%-11s %s\n", title, line.c_str());
 }
@@ -43,8 +42,8 @@ void inspect_run(const fs::path& folder, bool json) {
                 result.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     return;
   }
-  std::printf("run         %s, step %ld of %ld\n", folder.c_str(), long(s.step),
-              long(s.options.train.iterations));
+  std::printf("run         %s, step %s of %s\n", folder.c_str(), grouped(s.step).c_str(),
+              grouped(s.options.train.iterations).c_str());
   std::printf("data set    %s\n", s.options.dataset.path.c_str());
   std::printf("target      %s, allocation %s, seed %ld\n", word_of(s.options.objective.target),
               word_of(s.options.allocation.kind), long(s.options.seed));

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade_inspect/scene.h"
 
+#include <algorithm>
 #include <cstdio>
+#include <cstring>
 
+#include "jade/core/error.h"
+#include "jade/core/readable.h"
 #include "jade/gaussians/ply_kind.h"
 #include "jade/gaussians/scene_file.h"
 #include "jade/geometry/origin.h"
@@ -18,8 +22,14 @@ nlohmann::json to_json(const Spread& s) {
 }
 
 void print_spread(const char* name, const Spread& s) {
-  std::printf("%-11s %.4g to %.4g, median %.4g, 98 %% within %.4g to %.4g\n", name, s.min, s.max,
-              s.median, s.low, s.high);
+  const auto text = [](double value) { return readable(value, 4); };
+  std::printf(
+      "%s\n",
+      concat(name,
+             std::string(std::max<size_t>(12, std::strlen(name) + 1) - std::strlen(name), ' '),
+             text(s.min), " to ", text(s.max), ", median ", text(s.median), ", 98 % within ",
+             text(s.low), " to ", text(s.high))
+          .c_str());
 }
 
 /// Prints the origin of a scene whose coordinates are relative to one.
@@ -31,7 +41,7 @@ void print_origin(const geometry::Vector3& origin) {
 }  // namespace
 
 void print_text(const GaussianSummary& s, bool antialiased) {
-  std::printf("Gaussians   %ld, SH degree %ld%s\n", long(s.count), long(s.sh_degree),
+  std::printf("Gaussians   %s, SH degree %ld%s\n", grouped(s.count).c_str(), long(s.sh_degree),
               antialiased ? ", antialiased (mip)" : "");
   if (s.count == 0) return;
   print_spread("x", s.x);
@@ -69,7 +79,7 @@ void inspect_points(const std::filesystem::path& path, bool json) {
   const char* const axes[] = {"x", "y", "z"};
   if (!json) {
     std::printf("file        %s\n", word_of(kind));
-    std::printf("points      %ld %s colours, no Gaussians\n", long(result["points"]),
+    std::printf("points      %s %s colours, no Gaussians\n", grouped(cloud.points.size(0)).c_str(),
                 colored ? "with" : "without");
   }
   for (int64_t i = 0; i < 3; ++i) {
@@ -106,9 +116,9 @@ void inspect_scene(const std::filesystem::path& path, bool json) {
   print_origin(file.origin);
   if (scene.flat > 0) {
     std::printf(
-        "note        %ld of %ld Gaussians are flat: they are read with a thousandth of "
+        "note        %s of %s Gaussians are flat: they are read with a thousandth of "
         "their thinnest other axis as thickness\n",
-        long(scene.flat), long(summary.count));
+        grouped(scene.flat).c_str(), grouped(summary.count).c_str());
   }
   for (const std::string& note : scene.notes) std::printf("note        %s\n", note.c_str());
   if (summary.problems.empty()) std::printf("\nNo problems found.\n");

@@ -71,7 +71,8 @@ void print_frames(const Dataset& d) {
                 long(masks.frames), 100 * masks.excluded, 100 * masks.largest);
   }
   std::printf("depth       %.4g to %.4g units\n", d.near, d.far);
-  if (d.points.defined()) std::printf("points      %ld sparse points\n", long(d.points.size(0)));
+  if (d.points.defined())
+    std::printf("points      %s sparse points\n", grouped(d.points.size(0)).c_str());
   if (d.trajectory.empty()) {
     std::printf("poses       nine an exposure, no dense trajectory\n");
   } else {
@@ -127,15 +128,16 @@ void print_pattern(const data::PatternEstimate& pattern) {
 
 void print_exposures(const Dataset& d) {
   if (d.train.front().duration_us() == 0) return;
-  std::printf("\n%-10s %11s %9s %9s %11s %9s %10s  %s\n", "exposure", "start s", "ms", "events",
+  std::printf("\n%-10s %11s %9s %11s %11s %9s %10s  %s\n", "exposure", "start s", "ms", "events",
               "events/s", "per pixel", "path", "sharp view at its middle");
   for (size_t i = 0; i < d.train.size(); ++i) {
     const Exposure& e = d.train[i];
     const double pixels = double(e.camera.width * e.camera.height);
-    std::printf("%-10s %11.4f %9.2f %9ld %11.0f %9.2f %10.4g  %s\n", e.name.c_str(),
-                1e-6 * double(e.t_start_us), 1e-3 * double(e.duration_us()), long(e.events.size()),
-                events_per_second(e), double(e.events.size()) / pixels, path_length(e),
-                seen_by(d, i).c_str());
+    std::printf("%-10s %11.4f %9.2f %11s %11s %9.2f %10.4g  %s\n", e.name.c_str(),
+                1e-6 * double(e.t_start_us), 1e-3 * double(e.duration_us()),
+                grouped(e.events.size()).c_str(),
+                grouped(std::llround(events_per_second(e))).c_str(),
+                double(e.events.size()) / pixels, path_length(e), seen_by(d, i).c_str());
   }
 }
 

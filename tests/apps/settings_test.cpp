@@ -68,7 +68,7 @@ TEST_CASE("settings: a mistake reads the same in each program", "[apps]") {
     check_error(run(dir, program + " --config bad.yaml"), 2, "bad.yaml:2:3", "exposure.sampels",
                 "exposure.samples?");
     check_error(run(dir, program + " --set exposure.samples=many"), 2,
-                "--set exposure.samples=many", "[5, 65]");
+                "--set exposure.samples=many", "5 to 65");
     check_error(run(dir, program + " --set exposure.samples=6"), 2, "exposure.samples", "odd");
     check_error(run(dir, program + " --set events.bins=8"), 2, "events.bins", "CHANGELOG.md");
     check_error(run(dir, program + " --kind foo"), 2, "--kind foo: dataset.kind", "auto, evdeblur");

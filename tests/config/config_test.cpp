@@ -101,7 +101,7 @@ TEST_CASE("config: a renamed key is read under both names and printed under the 
   CHECK(load_text(dir, "", {"router.step_size=0.3"}).route.lr == 0.3);
   CHECK(load_text(dir, "router: {lr: 0.1}\n", {"route.lr=0.4"}).route.lr == 0.4);
   CHECK(error_of(dir, "router: {lr: fast}\n") ==
-        "scene.yaml:1:14: route.lr: expected a number in [10^-8, 1], found 'fast'");
+        "scene.yaml:1:14: route.lr: expected a number from 1e-8 to 1, found 'fast'");
   TestOptions options;
   const std::string printed = config::to_yaml(fields_of(options), "title");
   CHECK(printed.find("router:") == std::string::npos);
@@ -213,10 +213,11 @@ TEST_CASE("config: a mistake is one line with place, key, expectation and findin
   const test::TempDir dir;
   CHECK(error_of(dir, "route:\n  lrr: 1\n") ==
         "scene.yaml:2:3: route.lrr: unknown key; did you mean route.lr?");
-  CHECK(error_of(dir, "iterations: ten\n") ==
-        "scene.yaml:1:13: iterations: expected a whole number in [1, 10^9], found 'ten'");
+  CHECK(
+      error_of(dir, "iterations: ten\n") ==
+      "scene.yaml:1:13: iterations: expected a whole number from 1 to 1,000,000,000, found 'ten'");
   CHECK(error_of(dir, "route: {lr: 2}\n") ==
-        "scene.yaml:1:13: route.lr: expected a number in [10^-8, 1], found '2'");
+        "scene.yaml:1:13: route.lr: expected a number from 1e-8 to 1, found '2'");
   CHECK(error_of(dir, "kind: ambre\n") ==
         "scene.yaml:1:7: kind: expected one of red, amber, found 'ambre'; did you mean amber?");
   CHECK(error_of(dir, "kind: ultramarine\n") ==
@@ -232,21 +233,6 @@ TEST_CASE("config: a mistake is one line with place, key, expectation and findin
   CHECK(error_of(dir, "kind: [a\n").find("scene.yaml:2:1: not valid YAML") == 0);
   CHECK(error_of(dir, "- a\n").find("expected 'key: value' lines") != std::string::npos);
   CHECK(error_of(dir, "extends: nothere.yaml\n").find("no such file") != std::string::npos);
-}
-
-TEST_CASE("config: limits are written for people", "[config]") {
-  for (const auto& [limit, text] : {std::pair(1e-8, "10^-8"),
-                                    {1e-4, "0.0001"},
-                                    {0.5, "0.5"},
-                                    {1e5, "100000"},
-                                    {1e6, "10^6"},
-                                    {4e12, "4*10^12"},
-                                    {-4e12, "-4*10^12"},
-                                    {123456, "123456"}}) {
-    double value = 0;
-    const Field field{"key", &value, "help", Range{limit, 1e18}};
-    CHECK(config::range_text(field) == concat("[", text, ", 10^18]"));
-  }
 }
 
 TEST_CASE("config: whole numbers are decimal, with leading zeros too", "[config]") {

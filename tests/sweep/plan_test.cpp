@@ -65,7 +65,7 @@ TEST_CASE("make_plan: the problems of all runs come at once, each told once", "[
   // nothing else is wrong.
   CHECK_THAT(all, test::naming("train.ratte", "train.rate?"));
   CHECK_THAT(all, Catch::Contains("row y: --set train.rate=2: "));
-  CHECK_THAT(all, test::naming("train.rate", "[0, 1]", "'2'"));
+  CHECK_THAT(all, test::naming("train.rate", "0 to 1", "'2'"));
   CHECK(std::count(all.begin(), all.end(), '\n') == 1);
 }
 

@@ -29,7 +29,7 @@ std::string share_text(const Steps& steps) {
   return text;
 }
 
-/// "help (a|b)" or "help ([0, 1])".
+/// "help (a|b)" or "help (0 to 1)".
 std::string comment(const Field& field) {
   std::string limits = range_text(field);
   if (const auto* choice = std::get_if<EnumPointer>(&field.value)) {

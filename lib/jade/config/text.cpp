@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/config/text.h"
 
-#include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 #include "jade/core/error.h"
+#include "jade/core/readable.h"
 
 namespace jade::config {
 namespace {
@@ -89,22 +87,6 @@ struct TypeText {
   }
 };
 
-/// A limit for people: "0.0001", "100000", "10^8" or "4*10^12" where number_text() may have
-/// "1e-04" or "1e+08".
-std::string limit_text(double value) {
-  const std::string text = number_text(value);
-  const size_t at = text.find('e');
-  if (at == std::string::npos) return text;
-  const int exponent = std::stoi(text.substr(at + 1));
-  if (exponent >= -4 && exponent < 6) {
-    char plain[32];
-    std::snprintf(plain, sizeof plain, "%.*f", std::max(0, -exponent), value);
-    if (std::strtod(plain, nullptr) == value) return plain;
-  }
-  const std::string factor = text.substr(0, at);
-  return (factor == "1" ? "" : factor + "*") + "10^" + std::to_string(exponent);
-}
-
 }  // namespace
 
 std::string joined_words(const std::vector<EnumPointer::Entry>& entries,
@@ -138,16 +120,19 @@ std::string type_text(const FieldPointer& value) { return std::visit(TypeText{},
 std::string range_text(const Field& field) {
   if (!field.range) return "";
   const bool below = std::isfinite(field.range->min), above = std::isfinite(field.range->max);
-  if (below && above)
-    return "[" + limit_text(field.range->min) + ", " + limit_text(field.range->max) + "]";
-  if (below) return ">= " + limit_text(field.range->min);
-  return above ? "<= " + limit_text(field.range->max) : "";
+  constexpr int kDigits = 9;
+  const std::string least = readable(field.range->min, kDigits);
+  const std::string most = readable(field.range->max, kDigits);
+  if (below && above) return least + " to " + most;
+  if (below) return least + " or more";
+  return above ? "at most " + most : "";
 }
 
 std::string expectation(const Field& field) {
   const std::string range = range_text(field);
   if (range.empty()) return type_text(field.value);
-  return type_text(field.value) + (range[0] == '[' ? " in " : " ") + range;
+  const bool has_two_ends = range.find(" to ") != std::string::npos;
+  return type_text(field.value) + (has_two_ends ? " from " : ", ") + range;
 }
 
 }  // namespace jade::config

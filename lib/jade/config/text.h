@@ -17,14 +17,14 @@ bool read_percent(const std::string& text, double& percent);
 /// "true or false", "a whole number", "a number", "a text", "a path", "a list of numbers", …
 std::string type_text(const FieldPointer& value);
 
-/// "a number in [0, 1]", "one of a, b": what a field expects.
+/// "a number from 0 to 1", "one of a, b": what a field expects.
 std::string expectation(const Field& field);
 
 /// "a, b": the words of an enum.
 std::string joined_words(const std::vector<EnumPointer::Entry>& entries,
                          const std::string& separator);
 
-/// "[0, 1]", ">= 0", or empty.
+/// "0 to 1", "0 or more", or empty.
 std::string range_text(const Field& field);
 
 /// The shortest decimal that parses to the same double.

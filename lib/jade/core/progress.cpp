@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "jade/core/readable.h"
 #include "jade/core/terminal.h"
 
 namespace jade {
@@ -79,12 +80,14 @@ void Progress::show(const std::string& details) {
   const double speed = rate();
   const double fraction =
       total_ > 0 ? static_cast<double>(done_) / static_cast<double>(total_) : 1.0;
-  const std::string left =
-      speed > 0 ? duration_text(static_cast<double>(total_ - done_) / speed) : std::string("?");
-  char numbers[96];
-  std::snprintf(numbers, sizeof numbers, "%lld/%lld  %.*f %s/s  %s left",
-                static_cast<long long>(done_), static_cast<long long>(total_), speed < 10 ? 2 : 0,
-                speed, unit_.c_str(), left.c_str());
+  std::string numbers = grouped(done_) + "/" + grouped(total_);
+  if (done_ > first_ && speed > 0) {
+    char pace[96];
+    std::snprintf(pace, sizeof pace, "  %.*f %s/s  %s left", speed < 10 ? 2 : 0, speed,
+                  unit_.c_str(),
+                  duration_text(static_cast<double>(total_ - done_) / speed).c_str());
+    numbers += pace;
+  }
   const std::string tail = details.empty() ? "" : "  " + details;
   if (terminal_is_live()) {
     terminal_set_live_line(title_ + " " + bar(std::clamp(fraction, 0.0, 1.0)) + " " + numbers +

@@ -16,6 +16,19 @@ std::string grouped(int64_t number) {
   return text;
 }
 
+std::string readable(double number, int digits) {
+  constexpr double kWhole = 1e16;  // fits an int64
+  const double size = std::abs(number);
+  if (size < kWhole && (size >= std::pow(10, digits - 1) || number == std::round(number)))
+    return grouped(std::llround(number));
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", digits, number);
+  std::string out = text;
+  const size_t exponent = out.find("e-0");
+  if (exponent != std::string::npos) out.erase(exponent + 2, 1);
+  return out;
+}
+
 std::string about_time(double seconds) {
   char text[40];
   if (seconds < 90) {

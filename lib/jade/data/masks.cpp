@@ -10,6 +10,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/core/readable.h"
 #include "jade/imaging/image_io.h"
 
 namespace jade::data {
@@ -174,8 +175,8 @@ events::EventStream without_masked(const Dataset& data) {
   const torch::Tensor keep = torch::cat(parts);
   if (keep.all().item<bool>()) return data.events;
   const torch::Tensor index = keep.nonzero().flatten();
-  log_info(concat("masks: ", data.events.size() - index.numel(), " of ", data.events.size(),
-                  " events lie at excluded pixels and are dropped"));
+  log_info(concat("masks: ", grouped(data.events.size() - index.numel()), " of ",
+                  grouped(data.events.size()), " events lie at excluded pixels and are dropped"));
   const events::EventStream& e = data.events;
   return {e.x().index_select(0, index), e.y().index_select(0, index),
           e.t_us().index_select(0, index), e.polarity().index_select(0, index)};

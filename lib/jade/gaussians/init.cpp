@@ -9,6 +9,7 @@
 #include "jade/core/check.h"
 #include "jade/core/log.h"
 #include "jade/core/random.h"
+#include "jade/core/readable.h"
 #include "jade/gaussians/neighbours.h"
 #include "jade/gaussians/scene_file.h"
 #include "jade/splat/math/sh.h"
@@ -76,8 +77,8 @@ PointCloud sfm_points(const InitSources& sources) {
 PointCloud drawn_points(const PointCloud& cloud, int64_t at_most, at::Generator& generator) {
   const int64_t count = cloud.points.size(0);
   if (count <= at_most) return cloud;
-  log_info(
-      concat("start       ", at_most, " of ", count, " points, as densify.max_gaussians says"));
+  log_info(concat("start       ", grouped(at_most), " of ", grouped(count),
+                  " points, as densify.max_gaussians says"));
   const torch::Tensor rows =
       std::get<0>(at::randperm(count, generator).narrow(0, 0, at_most).sort());
   return {cloud.points.index_select(0, rows), cloud.colors.index_select(0, rows)};

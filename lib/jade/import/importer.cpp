@@ -12,6 +12,7 @@
 #include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/core/readable.h"
 #include "jade/data/masks.h"
 #include "jade/imaging/image_io.h"
 #include "jade/import/capture.h"
@@ -319,7 +320,7 @@ struct Progressed {
 
 std::string said_of(const Capture& capture) {
   return concat(capture.format, ", ", capture.shots.size(), " frames of ", capture.width(), "x",
-                capture.height(), ", ", capture.events.size(), " events");
+                capture.height(), ", ", grouped(capture.events.size()), " events");
 }
 
 std::string said_of(const SearchResult& result) {

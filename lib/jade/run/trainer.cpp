@@ -248,12 +248,13 @@ void Trainer::announce() const {
                   " sharp test views (", data_.dataset.split, ")"));
   for (const std::string& note : data_.dataset.notes) log_info("data        " + note);
   log_info(concat("scene       ", grouped(state_.gaussians.size()), " Gaussians, extent ",
-                  state_.gaussians.extent(), ", near plane ",
+                  readable(state_.gaussians.extent(), 3), ", near plane ",
                   train::render_options(options_).near_plane));
   if (state_.allocation) {
     int64_t count = 0;
     for (const auto& parameter : state_.allocation->parameters()) count += parameter.numel();
-    log_info(concat("allocation  ", word_of(options_.allocation.kind), ", ", count, " parameters"));
+    log_info(concat("allocation  ", word_of(options_.allocation.kind), ", ", grouped(count),
+                    " parameters"));
   } else {
     log_info(concat("target      ", word_of(options_.objective.target)));
   }
@@ -343,8 +344,8 @@ void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs
   logged_step_ = state_.step;
   metrics_->append(line.dump());
   char text[128];
-  std::snprintf(text, sizeof text, "loss %.4f  re-blur PSNR %.2f dB  %lld Gaussians  %lld MiB",
-                total, psnr, static_cast<long long>(state_.gaussians.size()),
+  std::snprintf(text, sizeof text, "loss %.4f  re-blur PSNR %.2f dB  %s Gaussians  %lld MiB", total,
+                psnr, grouped(state_.gaussians.size()).c_str(),
                 static_cast<long long>(peak_memory_bytes(device_) >> 20));
   status_ = text;
 }

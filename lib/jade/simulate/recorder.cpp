@@ -8,6 +8,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
 #include "jade/core/random.h"
+#include "jade/core/readable.h"
 
 namespace jade::simulate {
 
@@ -63,7 +64,7 @@ Recorder::Recording Recorder::record() {
     look(next, after);
     watch(before, after, now, next, recording.exposures);
     if (progress.step(next / 1000 - now / 1000)) {
-      progress.show(concat(sensor_.event_count() / 1000, "k events"));
+      progress.show(grouped(sensor_.event_count()) + " events");
     }
     std::swap(before, after);
     now = next;

@@ -5,6 +5,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/core/readable.h"
 
 namespace jade::train {
 int64_t most_gaussians(const TrainState& state, const RunOptions& options) {
@@ -31,7 +32,7 @@ std::string text_of(const MemoryPlan& plan, int64_t views, int64_t most_gaussian
   const auto mib = [](int64_t bytes) { return (bytes + (1 << 20) - 1) >> 20; };
   return concat(mib(plan.total()), " MiB: ", views, " frames ", mib(plan.constants.frames),
                 ", EDI ", mib(plan.constants.edi), ", restorations ",
-                mib(plan.constants.restorations), ", ", most_gaussians, " Gaussians ",
+                mib(plan.constants.restorations), ", ", grouped(most_gaussians), " Gaussians ",
                 mib(plan.gaussians), ", renders ", mib(plan.renders));
 }
 
