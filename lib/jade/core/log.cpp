@@ -72,6 +72,10 @@ void set_log_file(const std::filesystem::path& path) {
     all.file->set_level(spdlog::level::debug);
     all.file->set_pattern("%Y-%m-%d %H:%M:%S %l %v");
     all.file->flush_on(spdlog::level::info);
+    all.file->set_error_handler([path, told = false](const std::string& reason) mutable {
+      if (!told) terminal_print_line(concat("warning: ", path.string(), ": ", reason));
+      told = true;
+    });
   } catch (const spdlog::spdlog_ex& failure) {
     throw DataError(concat(path.string(), ": cannot write the log: ", failure.what()));
   }
