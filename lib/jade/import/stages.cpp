@@ -93,15 +93,22 @@ void run_stages(const fs::path& folder, const std::vector<Stage>& stages, const 
     log_info(concat(folder.string(), ": up to date; --from STAGE makes it again"));
     return;
   }
-  for (size_t i = 0; i < end; ++i) {
-    throw_if_interrupted();
-    if (i >= first) {
-      Progress progress("import", int64_t(end), int64_t(i), "stages");
-      progress.show(stages[i].name);
-      make(stages[i], keys[i], folder / stages[i].name);
-      outdate(folder, stages, i + 1);
+  size_t i = 0;
+  try {
+    for (; i < end; ++i) {
+      throw_if_interrupted();
+      if (i >= first) {
+        Progress progress("import", int64_t(end), int64_t(i), "stages");
+        progress.show(stages[i].name);
+        make(stages[i], keys[i], folder / stages[i].name);
+        outdate(folder, stages, i + 1);
+      }
+      stages[i].load(folder / stages[i].name);
     }
-    stages[i].load(folder / stages[i].name);
+  } catch (const Interrupted&) {
+    log_info(concat("interrupted in stage ", stages[i].name,
+                    "; the stages before it are kept, run the same command again to go on"));
+    throw;
   }
 }
 
