@@ -9,11 +9,13 @@
 #include <utility>
 
 #include "common/interface.h"
+#include "common/shell.h"
 #include "jade/core/asset.h"
 #include "jade/core/device.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/core/readable.h"
 #include "jade/core/version.h"
 
 namespace jade::apps {
@@ -81,6 +83,12 @@ ExitCode report_exception() {
                      "; run again with --log-level debug and report it"));
     log_debug(error.what());
     return ExitCode::kBug;
+  } catch (const std::filesystem::filesystem_error& error) {
+    log_error(
+        concat(error.path1().string(), ": cannot be used: ", error.code().message(),
+               error.code() == std::errc::permission_denied ? "; check its permissions" : ""));
+    log_debug(error.what());
+    return ExitCode::kData;
   } catch (const std::exception& error) {
     log_error(concat("internal error: ", error.what(),
                      "; run again with --log-level debug and report it"));
@@ -96,6 +104,17 @@ void flush_results() {
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout) return;
   if (errno == EPIPE) set_log_level("off");
   throw DataError("standard output: results cannot be written; is the disk full?");
+}
+
+/// Prints what --help or --version asked for.
+int print_answer(const CLI::App& cli, const CLI::ParseError& error) {
+  try {
+    const int code = cli.exit(error);
+    flush_results();
+    return code;
+  } catch (const DataError&) {
+    return static_cast<int>(report_exception());
+  }
 }
 
 /// The address after --serve is optional, and CLI11 would take any word for it: words that cannot
@@ -139,6 +158,17 @@ CLI::Validator whole_number(int64_t least) {
   return CLI::Validator(decimal, "");
 }
 
+CLI::Validator within(double low, double high) {
+  const auto check = [=](const std::string& text) {
+    double value = 0;
+    if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high)
+      return std::string();
+    return concat("expected a number from ", readable(low), " to ", readable(high), ", found '",
+                  text, "'");
+  };
+  return CLI::Validator(check, concat("FLOAT in [", low, " - ", high, "]"));
+}
+
 std::filesystem::path settings_file(const std::filesystem::path& file) {
   if (file.empty() || file.is_absolute() || file == "-" || std::filesystem::exists(file))
     return file;
@@ -170,7 +200,7 @@ void Program::add_config_flags(CLI::App& cli) {
       ->type_name("FILE")
       ->group("Settings")
       ->allow_extra_args(false);
-  cli.add_option("--set", overrides_, "Set one key, such as train.iterations=2000. Repeatable")
+  cli.add_option("--set", overrides_, "Set one key of those that --print-config lists. Repeatable")
       ->type_name("KEY=VALUE")
       ->group("Settings")
       ->allow_extra_args(false);
@@ -302,25 +332,75 @@ config::Sources Program::sources(const FieldList& fields) const {
   return all;
 }
 
-std::string Program::hint(const std::vector<std::string>& words) const {
-  std::vector<std::string> known;
-  const auto add = [&known](const CLI::App& app) {
+std::string Program::flag_hint(const std::string& word) const {
+  const std::string flag = word.substr(0, word.find('='));
+  std::vector<std::string> known, same_letter;
+  const auto add = [&](const CLI::App& app) {
     for (const CLI::Option* option : app.get_options()) {
-      for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+      for (const std::string& name : option->get_lnames()) {
+        known.push_back("--" + name);
+        if (flag.size() == 2 && name[0] == flag[1]) same_letter.push_back("--" + name);
+      }
     }
   };
   add(cli_);
   for (const CLI::App* command : cli_.get_subcommands([](const CLI::App*) { return true; })) {
     add(*command);
   }
-  for (const std::string& word : words) {
-    const std::string flag = word.substr(0, word.find('='));
-    if (flag.rfind("--", 0) != 0 || flag.size() < 3) continue;
-    if (std::find(known.begin(), known.end(), flag) != known.end()) continue;
-    const std::string close = config::nearest(flag, known);
-    if (!close.empty()) return concat("; did you mean ", close, "?");
+  std::string close;
+  if (flag.size() > 2) close = config::nearest(flag, known);
+  if (same_letter.size() == 1) close = same_letter.front();
+  return close.empty() ? "" : concat("; did you mean ", close, "?");
+}
+
+std::string Program::path_hint(const std::string& word) const {
+  const std::filesystem::path path = word;
+  const bool is_yaml = path.extension() == ".yaml" || path.extension() == ".yml";
+  std::error_code unreadable;
+  const bool is_folder = std::filesystem::is_directory(path, unreadable);
+  const bool is_run = is_folder && std::filesystem::exists(path / "config.yaml", unreadable);
+  const bool is_file = std::filesystem::is_regular_file(path, unreadable);
+  const std::vector<std::string> suited = is_yaml     ? std::vector<std::string>{"sweep", "config"}
+                                          : is_run    ? std::vector<std::string>{"run"}
+                                          : is_folder ? std::vector<std::string>{"dataset"}
+                                          : is_file   ? std::vector<std::string>{"ply"}
+                                                      : std::vector<std::string>{};
+  for (const std::string& flag : suited) {
+    if (cli_.get_option_no_throw("--" + flag)) return concat("; use --", flag, " ", shell_word(word));
   }
   return "";
+}
+
+std::string Program::refusal(const CLI::ParseError& error,
+                             const std::vector<std::string>& words) const {
+  const std::vector<std::string> left = cli_.remaining(/*recurse=*/true);
+  const auto unknown = std::find_if(words.begin(), words.end(), [&](const std::string& word) {
+    return std::find(left.begin(), left.end(), word) != left.end();
+  });
+  const std::string word = unknown == words.end() ? "" : *unknown;
+  const bool is_flag = word.size() > 1 && word.front() == '-';
+  if (is_flag) return concat(word, ": unknown flag", flag_hint(word));
+  const auto commands = cli_.get_subcommands([](const CLI::App*) { return true; });
+  if (!commands.empty() && cli_.get_subcommands().empty()) {
+    std::vector<std::string> names;
+    for (const CLI::App* command : commands) names.push_back(command->get_name());
+    const std::string close = config::nearest(word, names);
+    return concat("expected a command (", CLI::detail::join(names, ", "), "), found ",
+                  word.empty() ? "none" : word,
+                  word.empty() || close.empty() ? "" : concat("; did you mean ", close, "?"));
+  }
+  if (!word.empty()) return concat(word, ": expected a flag before it", path_hint(word));
+  const std::string text = error.what();
+  // CLI11: "scene is required" and "--output: 1 required DIR missing".
+  const size_t required = text.rfind(" is required"), missing = text.rfind(" missing");
+  if (required != text.npos && text.rfind("--", 0) != 0)
+    return concat("expected ", upper(text.substr(0, required)), ", found nothing");
+  const std::string one = ": 1 required ";
+  const size_t at = text.find(one);
+  if (at == text.npos || missing == text.npos) return text;
+  const size_t type = at + one.size();
+  return concat(text.substr(0, at), ": expected ", text.substr(type, missing - type),
+                ", found nothing");
 }
 
 void Program::print_usage() const {
@@ -337,6 +417,9 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
     std::cout << interface_json(cli_) << std::endl;
     return static_cast<int>(ExitCode::kOk);
   }
+  for (CLI::App* const command : cli_.get_subcommands([](const CLI::App*) { return true; })) {
+    command->get_help_ptr()->group("Common");  // which CLI11 leaves in that of the flags beside it
+  }
   try {
     std::vector<std::string> words = typed;
     if (cli_.get_option_no_throw("--set")) check_assignments(words);
@@ -346,10 +429,9 @@ int Program::run(int argc, char** argv, const std::function<ExitCode()>& body) {
   } catch (const CLI::ParseError& error) {
     // CLI11 prints help and version itself and returns 0 for them; its other codes differ from this
     // program's.
-    if (error.get_exit_code() == 0) return cli_.exit(error);
+    if (error.get_exit_code() == 0) return print_answer(cli_, error);
     if (typed.empty()) print_usage();
-    const std::string near = hint(typed);
-    std::fprintf(stderr, "error: %s%s; %s --help lists the flags\n", error.what(), near.c_str(),
+    std::fprintf(stderr, "error: %s; %s --help lists the flags\n", refusal(error, typed).c_str(),
                  name_.c_str());
     return static_cast<int>(ExitCode::kUsage);
   } catch (const ConfigError&) {

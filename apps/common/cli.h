@@ -25,6 +25,9 @@ namespace jade::apps {
 /// @param least  0 or 1
 CLI::Validator whole_number(int64_t least);
 
+/// A flag's number from `low` to `high`; rejects NaN, unlike CLI::Range.
+CLI::Validator within(double low, double high);
+
 /// `file`, or, if that relative path does not exist, the settings of that name that ship with the
 /// programs, such as configs/paper.yaml; logs which one.
 std::filesystem::path settings_file(const std::filesystem::path& file);
@@ -135,9 +138,12 @@ class Program {
 
  private:
   config::Sources sources(const FieldList& fields) const;
-  /// Hint for the words of a command line that CLI11 rejected: "; did you mean --output?"; empty if
-  /// no known word is similar.
-  std::string hint(const std::vector<std::string>& words) const;
+  /// What is wrong with a command line that CLI11 rejected, and the nearest word that works.
+  std::string refusal(const CLI::ParseError& error, const std::vector<std::string>& words) const;
+  /// "; did you mean --output?" for an unknown flag; empty if no known flag is similar.
+  std::string flag_hint(const std::string& word) const;
+  /// "; use --run runs/table" for a path without a flag; empty if no flag suits it.
+  std::string path_hint(const std::string& word) const;
   std::string title() const;
   /// Prints usage and examples, for a call without arguments.
   void print_usage() const;

@@ -3,9 +3,13 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
+#include <cstdlib>
 #include <sstream>
 #include <sys/ioctl.h>
 #include <unistd.h>
+
+#include "jade/core/readable.h"
 
 namespace jade::apps {
 namespace {
@@ -19,10 +23,11 @@ size_t columns_of(const std::string& text) {
   }));
 }
 
-std::string upper(std::string word) {
-  std::transform(word.begin(), word.end(), word.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
-  return word;
+/// A number with its thousands apart; other texts as they are.
+std::string readable_text(const std::string& text) {
+  char* end = nullptr;
+  const double number = std::strtod(text.c_str(), &end);
+  return text.empty() || *end != '\0' || !std::isfinite(number) ? text : readable(number);
 }
 
 /// CLI11 appends each validator to the type's name: "FLOAT:FLOAT in [0 - 1]".
@@ -39,7 +44,8 @@ std::string range_text(const CLI::Option& option) {
   const size_t dash = type.find(" - ", open == type.npos ? type.size() : open);
   const size_t close = type.find(']', dash == type.npos ? type.size() : dash);
   if (close == type.npos) return "";
-  return type.substr(open + 5, dash - open - 5) + " to " + type.substr(dash + 3, close - dash - 3);
+  return readable_text(type.substr(open + 5, dash - open - 5)) + " to " +
+         readable_text(type.substr(dash + 3, close - dash - 3));
 }
 
 bool takes_value(const CLI::Option& option) { return option.get_items_expected_max() != 0; }
@@ -57,7 +63,7 @@ std::string names_of(const CLI::Option& option) {
 std::string description_of(const CLI::Option& option) {
   std::string more = range_text(option);
   if (takes_value(option) && !option.get_default_str().empty())
-    more += (more.empty() ? "default: " : ", default: ") + option.get_default_str();
+    more += (more.empty() ? "default: " : ", default: ") + readable_text(option.get_default_str());
   return option.get_description() + (more.empty() ? "" : " (" + more + ")");
 }
 
@@ -118,6 +124,12 @@ std::string wrapped_lines(const std::string& text, size_t width) {
 
 }  // namespace
 
+std::string upper(std::string word) {
+  std::transform(word.begin(), word.end(), word.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+  return word;
+}
+
 std::string wrapped(const std::string& text, size_t width, size_t indent, size_t column) {
   std::istringstream words(text);
   std::string out;
@@ -170,7 +182,9 @@ std::string HelpFormatter::make_help(const CLI::App* app, std::string name,
   for (const CLI::App* command : commands) {
     text += line_of(command->get_name(), command->get_description(), width);
   }
-  const std::vector<const CLI::Option*> options = options_of(app);
+  std::vector<const CLI::Option*> options = options_of(app);
+  std::stable_partition(options.begin(), options.end(),
+                        [](const CLI::Option* option) { return option->get_name() == "--output"; });
   for (const std::string& group : groups_of(options)) {
     text += "\n" + group + ":\n";
     for (const CLI::Option* option : options) {

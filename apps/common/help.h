@@ -14,6 +14,9 @@ namespace jade::apps {
 /// split.
 std::string wrapped(const std::string& text, size_t width, size_t indent, size_t column);
 
+/// The word in capitals.
+std::string upper(std::string word);
+
 /// Width in columns of the terminal on standard output, from 40 to 120; 80 if it is not a terminal.
 size_t help_width();
 

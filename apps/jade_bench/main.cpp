@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   program.add_device_flag();
   program.add_json_flag();
   program.cli().require_subcommand(1);
+  program.begin_group("Timing");
   bench::SplatBench splat;
   CLI::App* const splat_command = splat.add_to(program.cli());
   bench::IterationBench iteration;
@@ -31,6 +32,21 @@ int main(int argc, char** argv) {
   CLI::App* const run_command = run.add_to(program);
   bench::QualityBench quality;
   CLI::App* const quality_command = quality.add_to(program);
+  program.add_example(*splat_command, "jade_bench splat --workload W1,W2");
+  program.add_example(*splat_command, "jade_bench splat --workload W1 --repeats 20 --json");
+  program.add_example(*iteration_command, "jade_bench iteration --workload W1");
+  program.add_example(*iteration_command, "jade_bench iteration --set objective.target=edi");
+  program.add_example(*restorer_command, "jade_bench restorer --size 346x260");
+  program.add_example(*restorer_command, "jade_bench restorer --device cpu --repeats 3");
+  program.add_example(*events_command, "jade_bench events");
+  program.add_example(*events_command, "jade_bench events --width 346 --height 260 --count 500000");
+  program.add_example(*losses_command, "jade_bench losses --repeats 20");
+  program.add_example(*losses_command, "jade_bench losses --term rec --json");
+  program.add_example(*run_command,
+                      "jade_bench run --config configs/demo.yaml --psnr 28 --output runs/timed");
+  program.add_example(*run_command, "jade_bench run --config table.yaml --every 50 --output timed");
+  program.add_example(*quality_command, "jade_bench quality runs/table --psnr 28");
+  program.add_example(*quality_command, "jade_bench quality runs --psnr 28,30 --csv quality.csv");
   return program.run(argc, argv, [&] {
     if (splat_command->parsed()) return splat.run(program);
     if (iteration_command->parsed()) return iteration.run(program);

@@ -182,9 +182,16 @@ CLI::App* QualityBench::add_to(apps::Program& program) {
       "program's start without evaluations on the way. Runs whose folders are seeds (ROW/SCENE/0, "
       "ROW/SCENE/1, as jade_sweep makes them) are averaged");
   command->fallthrough();
-  command->add_option("runs", runs, "Run directories, or folders that hold some")->required();
-  command->add_option("--psnr", goals, "Goals in dB, such as 28,30")->delimiter(',');
-  command->add_option("--csv", csv, "Write a line for every run and goal into this file");
+  command->add_option("runs", runs, "Run directories, or folders that hold some")
+      ->type_name("DIR")
+      ->group("Input")
+      ->required();
+  command->add_option("--psnr", goals, "Goals in dB, such as 28,30")
+      ->type_name("LIST")
+      ->delimiter(',');
+  command->add_option("--csv", csv, "Write a line for every run and goal into this file")
+      ->type_name("FILE")
+      ->group("Output");
   return command;
 }
 

@@ -106,7 +106,7 @@ CLI::App* RestorerBench::add_to(CLI::App& cli) {
                    "they need a restorer of version 2")
       ->type_name("LIST")
       ->delimiter(',')
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(apps::within(0, 1));
   command->add_option("--size", sizes, "Frame sizes (default: 346x260,600x400)")
       ->type_name("LIST")
       ->delimiter(',');

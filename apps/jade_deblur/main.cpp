@@ -22,17 +22,6 @@ struct DeblurFlags {
   std::string method = "edi";
 };
 
-/// Range check that rejects NaN, unlike CLI::Range.
-CLI::Validator within(double low, double high) {
-  const auto check = [=](const std::string& text) {
-    double value = 0;
-    if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high)
-      return std::string();
-    return concat("expected a number from ", low, " to ", high, ", found ", text);
-  };
-  return CLI::Validator(check, concat("FLOAT in [", low, " - ", high, "]"));
-}
-
 void add_flags(apps::Program& program, DeblurFlags& flags) {
   std::string methods;
   for (const restore::Method& method : restore::methods()) {
@@ -49,8 +38,9 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
   program.begin_group("Restoration");
   cli.add_option("--method", flags.method, methods)->type_name("WORD")->capture_default_str();
   cli.add_option("--log-offset", flags.options.log_offset,
-                 "Offset of a sensor that measures log(I + offset), I in [0,1] (default: 0)")
-      ->check(within(0, 1000));
+                 "Offset of a sensor that measures log(I + offset), I in [0,1]")
+      ->capture_default_str()
+      ->check(apps::within(0, 1000));
   program.add_restoration_flags();
   program.add_key_flag("--efnet-sha256", "efnet.sha256", "SHA-256 that this file must have")
       ->type_name("HASH");
@@ -70,7 +60,7 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                  "exposure, such as 0,0.5,1; methods that use EFNet need a restorer of version 2")
       ->type_name("LIST")
       ->delimiter(',')
-      ->check(within(0, 1));
+      ->check(apps::within(0, 1));
   cli.add_flag("--npy", flags.pictures.npy,
                "Also write unclamped float32 [3,H,W] beside each picture");
 }

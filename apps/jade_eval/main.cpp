@@ -49,7 +49,12 @@ int main(int argc, char** argv) {
     if (!options) return ExitCode::kOk;
     const bool folders = !renders.empty() && !truth.empty();
     if (folders == !run.empty() || renders.empty() != truth.empty()) {
-      throw ConfigError("expected --run DIR, or --renders DIR with --truth DIR");
+      throw ConfigError(concat("expected --run DIR, or --renders DIR with --truth DIR, found ",
+                               run.empty() && renders.empty() && truth.empty() ? "none of them"
+                               : folders                                       ? "all of them"
+                               : renders.empty() == truth.empty()              ? "none of them"
+                               : renders.empty()                               ? "no --renders"
+                                                                               : "no --truth"));
     }
     if (program.output().extension() == ".json") {
       throw ConfigError(

@@ -92,7 +92,7 @@ int64_t save(const fs::path& path, const gaussians::GaussianFile& file, bool of_
   const gaussians::GaussianFile finite{gaussians::drawable(file.gaussians), file.antialiased,
                                        file.origin};
   if (const int64_t left = file.gaussians.size() - finite.gaussians.size(); left > 0) {
-    log_warn(concat(path.string(), ": ", left, " of ", file.gaussians.size(),
+    log_warn(concat(path.string(), ": ", grouped(left), " of ", grouped(file.gaussians.size()),
                     " Gaussians have NaN or Inf in their numbers, or numbers beyond all bounds, so "
                     "are in no picture, and are left out; a .ply holds them"));
   }
@@ -127,8 +127,9 @@ int main(int argc, char** argv) {
   program.cli()
       .add_option("--coordinates", coordinates,
                   "Origin of the coordinates of a scene that lies far from that of its data set: "
-                  "dataset (.ply only), or scene, which viewers need (default: dataset)")
+                  "dataset (.ply only), or scene, which viewers need")
       ->type_name("WORD")
+      ->capture_default_str()
       ->check(CLI::IsMember({"dataset", "scene"}));
   int spz_version = 2;
   program.cli()

@@ -96,10 +96,12 @@ int main(int argc, char** argv) {
              "jade_train, or Gaussians in ",
              gaussians::kReadEndings, "; without it, the data set of --config"));
   double log_offset = 0;
-  program.cli().add_option("--log-offset", log_offset,
-                           "Offset of a sensor that measures log(I + offset), I in [0,1]; the "
-                           "measured thresholds depend "
-                           "on it (default: 0)");
+  program.cli()
+      .add_option("--log-offset", log_offset,
+                  "Offset of a sensor that measures log(I + offset), I in [0,1]; the "
+                  "measured thresholds depend on it")
+      ->check(apps::within(0, 1000))
+      ->capture_default_str();
   recording::ReadOptions how;
   program.cli()
       .add_option("--events-group", how.events_group,
@@ -124,6 +126,11 @@ int main(int argc, char** argv) {
           "expected a recording, the folder of a data set, a run directory or Gaussians, found "
           "nothing; --help lists the flags");
     }
+    if (!std::filesystem::exists(path)) {
+      throw DataError(concat(path.string(),
+                             ": expected a recording, the folder of a data set, a run directory or "
+                             "Gaussians, found nothing"));
+    }
     gaussians::refuse_foreign_scene(path);
     if (gaussians::scene_kind(path)) {
       apps::inspect_scene(path, program.json());
@@ -135,7 +142,7 @@ int main(int argc, char** argv) {
     }
     if (std::filesystem::is_regular_file(path) || recording::is_recording(path)) {
       how.time_unit = settings->dataset.events_unit;
-      apps::inspect_recording(path, how, program.json());
+      apps::inspect_recording(path, how, program.command("jade_import"), program.json());
       return ExitCode::kOk;
     }
     check_is_dataset(settings->dataset);

@@ -70,9 +70,11 @@ fs::path name_of(const fs::path& path) {
 }
 
 /// Command to run next; missing parts are placeholders in capitals.
-std::string next_command(const Recording& r, const RecordingNumbers& n) {
+/// @param import_program  the command of jade_import
+std::string next_command(const Recording& r, const RecordingNumbers& n,
+                         const std::string& import_program) {
   if (r.events.empty()) return "";
-  std::string line = "build/bin/jade_import " + shell_word(r.source) + n.choice;
+  std::string line = import_program + " " + shell_word(r.source) + n.choice;
   if (r.frames.empty() && r.untimed_frames > 0) {
     line += " --frame-times LIST.csv";
   } else if (r.frames.empty()) {
@@ -115,7 +117,7 @@ void print_frames(const Recording& r, const RecordingNumbers& n) {
   }
 }
 
-void print_recording(const Recording& r, const RecordingNumbers& n) {
+void print_recording(const Recording& r, const RecordingNumbers& n, const std::string& next) {
   std::printf("recording   %s, %s\n", r.source.c_str(), r.format.c_str());
   if (r.width > 0) {
     std::printf("sensor      %ldx%ld px\n", long(r.width), long(r.height));
@@ -139,11 +141,10 @@ void print_recording(const Recording& r, const RecordingNumbers& n) {
   std::printf("poses       none: a recording, no data set yet\n");
   if (!r.notes.empty()) std::printf("\n");
   for (const std::string& note : r.notes) std::printf("note        %s\n", note.c_str());
-  const std::string next = next_command(r, n);
   if (!next.empty()) std::printf("\nnext        %s\n", next.c_str());
 }
 
-nlohmann::json to_json(const Recording& r, const RecordingNumbers& n) {
+nlohmann::json to_json(const Recording& r, const RecordingNumbers& n, const std::string& next) {
   nlohmann::json frames = nlohmann::json::array();
   for (const recording::Frame& frame : r.frames) {
     frames.push_back(
@@ -167,12 +168,13 @@ nlohmann::json to_json(const Recording& r, const RecordingNumbers& n) {
           {"falling_us", r.triggers.falling_us},
           {"calibration", r.calibration ? r.calibration->name : ""},
           {"notes", r.notes},
-          {"next", next_command(r, n)}};
+          {"next", next}};
 }
 
 }  // namespace
 
-void inspect_recording(const fs::path& path, recording::ReadOptions options, bool json) {
+void inspect_recording(const fs::path& path, recording::ReadOptions options,
+                       const std::string& import_program, bool json) {
   options.most_events = kMostEvents;
   Recording r = recording::read_recording(path, options);
   note_masks(r);
@@ -182,12 +184,13 @@ void inspect_recording(const fs::path& path, recording::ReadOptions options, boo
   if (!options.topic.empty()) numbers.choice += " --topic " + shell_word(options.topic);
   if (!options.frames_topic.empty())
     numbers.choice += " --frames-topic " + shell_word(options.frames_topic);
+  const std::string next = next_command(r, numbers, import_program);
   if (json) {
     // File names are arbitrary bytes, those in JSON are UTF-8.
     constexpr auto kReplace = nlohmann::json::error_handler_t::replace;
-    std::printf("%s\n", to_json(r, numbers).dump(2, ' ', false, kReplace).c_str());
+    std::printf("%s\n", to_json(r, numbers, next).dump(2, ' ', false, kReplace).c_str());
   } else {
-    print_recording(r, numbers);
+    print_recording(r, numbers, next);
   }
 }
 

@@ -77,18 +77,19 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
       ->type_name("FORMAT")
       ->check(CLI::IsMember({"png", "npy", "mp4"}));
   cli.add_option("--fps", flags.frames_per_second, "With --format mp4: frames per second")
-      ->check(CLI::Range(0.01, 1000.0));
+      ->capture_default_str()
+      ->check(apps::within(0.01, 1000));
   cli.add_option(
          "--brightness", flags.brightness,
          "With --format mp4: factor on what the film shows (default: above 1 only where the "
          "frames of the data set are dark); images keep their values")
-      ->check(CLI::Range(0.1, 20.0));
+      ->check(apps::within(0.1, 20));
   cli.add_flag("--depth", flags.depth,
                "Also write NAME_depth.npy and 16-bit NAME_depth.png: the depth along the camera's "
                "axis in units of the scene, 0 where there is none");
   cli.add_option("--depth-step", flags.depth_step,
                  "With --depth: units of the scene per step of the .png")
-      ->check(CLI::Range(1e-9, 1e9))
+      ->check(apps::within(1e-9, 1e9))
       ->capture_default_str();
   cli.footer(
       "A .json with cameras is a list of objects, or {\"cameras\": [...]} with defaults beside "
@@ -100,7 +101,8 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
 
 gaussians::GaussianFile load_scene(const RenderFlags& flags) {
   if (flags.run.empty() == flags.ply.empty()) {
-    throw ConfigError("expected either --run or --ply");
+    throw ConfigError(concat("expected either --run DIR or --ply FILE, found ",
+                             flags.run.empty() ? "neither" : "both"));
   }
   if (!flags.ply.empty()) {
     gaussians::GaussianFile file = gaussians::read_gaussians(flags.ply);

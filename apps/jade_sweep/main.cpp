@@ -65,7 +65,7 @@ void add_flags(apps::Program& program, Flags& flags) {
       ->delimiter(',');
   cli.add_option("--memory-margin", flags.margin_gib, "GiB of memory to leave free")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 1e5));
+      ->check(apps::within(0, 1e5));
   cli.add_option("--launcher", flags.launcher,
                  "local: child processes; slurm: a job array through sbatch")
       ->type_name("WORD")

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <memory>
+
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "common/shell.h"
+#include "jade/core/log.h"
+#include "jade/gaussians/scene_file.h"
 #include "jade/recording/format.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/live_run.h"
@@ -24,14 +28,27 @@ bool knows_settings(const std::filesystem::path& config, const std::filesystem::
 /// Resolves the positional argument: a scene's YAML, a data set, which may have one, or a
 /// recording, which must be imported first.
 void use_path(const fs::path& path, apps::Program& program) {
-  const bool is_yaml = path.extension() == ".yaml" || path.extension() == ".yml";
   if (path.empty()) return;
+  const bool is_yaml = path.extension() == ".yaml" || path.extension() == ".yml";
   if (is_yaml) return program.use_config(path);
   if (run::is_run(path)) {
     throw ConfigError(concat(
         path.string(), ": expected a data set or a scene.yaml, found a run; continue it with ",
         program.command("jade_train"), " --output ", apps::shell_word(path), " --resume"));
   }
+  if (!fs::exists(path)) {
+    throw DataError(concat(path.string(),
+                           ": expected the folder of a data set or a scene.yaml, found nothing"));
+  }
+  gaussians::refuse_foreign_scene(path);
+  if (gaussians::scene_kind(path)) {
+    throw ConfigError(
+        concat(path.string(),
+               ": expected a data set with poses or a scene.yaml, found Gaussians; look at "
+               "them with ",
+               program.command("jade_view"), " ", apps::shell_word(path)));
+  }
+  if (fs::is_regular_file(path)) recording::recognise(path);  // else its error tells the formats
   if (fs::is_regular_file(path) || recording::is_recording(path)) {
     throw ConfigError(concat(path.string(),
                              ": expected a data set with poses or a scene.yaml, found a recording; "
@@ -41,6 +58,17 @@ void use_path(const fs::path& path, apps::Program& program) {
   }
   if (fs::is_regular_file(path / "scene.yaml")) return program.use_config(path / "scene.yaml");
   program.use_key("dataset.path", path.string());
+}
+
+/// Says what an interruption before the first step leaves.
+template <class Prepare>
+std::unique_ptr<run::Trainer> prepared(const Prepare& prepare) {
+  try {
+    return prepare();
+  } catch (const Interrupted&) {
+    log_info("interrupted before the first step: no checkpoint; run the same command again");
+    throw;
+  }
 }
 
 }  // namespace
@@ -73,7 +101,7 @@ int main(int argc, char** argv) {
       "--minutes", choices.minutes,
       "Approximate length of the run: chooses the steps and moments that are not set, by the "
       "measured speed of this machine");
-  minutes->check(CLI::Range(0.5, 1e5));
+  minutes->check(apps::within(0.5, 1e5));
   std::string address;
   program.begin_group("Output");
   const auto* serve = program.add_serve_flag(address, "Show the scene in a browser as it trains,");
@@ -112,9 +140,11 @@ int main(int argc, char** argv) {
       live.emplace(*server);
       std::cout << server->url() << std::endl;
     }
-    run::Trainer trainer(*options, program.output(), resume,
-                         known ? std::nullopt : std::optional(choices));
-    trainer.run(live ? &*live : nullptr);
+    const auto trainer = prepared([&] {
+      return std::make_unique<run::Trainer>(*options, program.output(), resume,
+                                            known ? std::nullopt : std::optional(choices));
+    });
+    trainer->run(live ? &*live : nullptr);
     return ExitCode::kOk;
   });
 }

@@ -7,6 +7,7 @@
 #include <c10/util/Exception.h>
 #include <new>
 #include <torch/types.h>
+#include <unistd.h>
 
 #include "jade/core/atomic_file.h"
 #include "support/naming.h"
@@ -83,7 +84,7 @@ TEST_CASE("jade_train: a mistake gets one line and its exit code", "[apps]") {
   check_error(run(dir, "jade_train --config key.yaml"), 2, "key.yaml:2:3", "train.iteratons",
               "train.iterations?");
   check_error(run(dir, "jade_train --set train.iterations=many"), 2, "train.iterations", "'many'");
-  check_error(run(dir, "jade_train --set objective.dssim=2"), 2, "objective.dssim", "[0, 1]",
+  check_error(run(dir, "jade_train --set objective.dssim=2"), 2, "objective.dssim", "0 to 1",
               "'2'");
   check_error(run(dir, "jade_train --config nowhere.yaml"), 2, "nowhere.yaml");
   dir.write("a.yaml", "extends: b.yaml\n");
@@ -107,6 +108,12 @@ TEST_CASE("programs: flags and assignments with a slip get the right one", "[app
   const test::TempDir dir;
   check_error(run(dir, "jade_train --outputt x"), 2, "--outputt", "--output?");
   check_error(run(dir, "jade_inspect --log-ofset=1 x"), 2, "--log-offset?");
+  check_error(run(dir, "jade_simulate --outputt x y"), 2, "--outputt", "--output?");
+  check_error(run(dir, "jade_train -o x"), 2, "-o", "--output?");
+  check_error(run(dir, "jade_train --output"), 2, "--output", "DIR");
+  check_error(run(dir, "jade_view --quiet"), 2, "SCENE");
+  check_error(run(dir, "jade_bench slpat"), 2, "slpat", "splat?");
+  check_error(run(dir, "jade_train --minutes nan"), 2, "--minutes", "0.5 to 100,000", "nan");
   check_error(run(dir, "jade_train --set train.iterations 200"), 2, "--set train.iterations=200");
   check_error(run(dir, "jade_train --set train.iterations --output x"), 2, "train.iterations=");
   const Outcome bare = run(dir, "jade_train");
@@ -128,6 +135,9 @@ TEST_CASE(
   dir.write("events.txt", "0.001 1 2 1\n0.002 1 3 0\n");
   check_error(run(dir, "jade_train events.txt --output x"), 2, "jade_import events.txt");
   check_error(run(dir, "jade_train nowhere --output x"), 3, "nowhere");
+  CHECK_THAT(run(dir, "jade_train nowhere --output x").err, !Catch::Contains("dataset.path"));
+  dir.write("notes.md", "# Notes\n\nnothing else\n");
+  check_error(run(dir, "jade_train notes.md --output x"), 3, "notes.md");
 }
 
 TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[apps]") {
@@ -244,10 +254,44 @@ TEST_CASE("programs: whole numbers of flags are decimal, other text is reported"
   check_error(run(dir, "jade_bench losses --repeats 0"), 2, "--repeats", "1 or more");
 }
 
+TEST_CASE("programs: a path without a flag is answered with the flag that takes it", "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "scene");
+  dir.write("run/config.yaml", "seed: 1\n");
+  dir.write("a.ply", "ply\n");
+  dir.write("a.yaml", "seed: 1\n");
+  for (const std::string program : {"jade_eval", "jade_export", "jade_render", "jade_deblur"})
+    check_error(run(dir, program + " run"), 2, "run: ", "--run run");
+  for (const std::string program : {"jade_eval", "jade_render", "jade_deblur"})
+    check_error(run(dir, program + " scene"), 2, "--dataset scene");
+  check_error(run(dir, "jade_export a.ply"), 2, "--ply a.ply");
+  check_error(run(dir, "jade_simulate a.yaml"), 2, "--config a.yaml");
+  check_error(run(dir, "jade_sweep a.yaml"), 2, "--sweep a.yaml");
+  check_error(run(dir, "jade_sweep nowhere"), 2, "nowhere");
+}
+
+TEST_CASE("programs: a folder that may not be read is named, with the exit code of data",
+          "[apps]") {
+  const test::TempDir dir;
+  test::write_tiny_dataset(dir / "closed/scene");
+  fs::permissions(dir / "closed", fs::perms::none);
+  const bool is_root = geteuid() == 0;
+  fs::permissions(dir.path(), fs::perms::all);
+  const std::string user = is_root ? "setpriv --reuid 65534 --clear-groups " : "";
+  for (const std::string call :
+       {"jade_inspect closed/scene", "jade_train closed/scene --output run",
+        "jade_import closed/scene --output data"}) {
+    check_error(run(dir, user + call), 3, "closed/scene");
+  }
+  fs::permissions(dir / "closed", fs::perms::owner_all);
+}
+
 TEST_CASE("programs: results that standard output does not take are not lost in silence",
           "[apps]") {
   const test::TempDir dir;
   check_error(run(dir, "jade_train --print-config > /dev/full"), 3, "standard output");
+  for (const std::string flag : {"--help", "--version"})
+    check_error(run(dir, "jade_train " + flag + " > /dev/full"), 3, "standard output");
   const Outcome closed = run(dir, "bash -c 'set -o pipefail; jade_train --print-config | head -1'");
   CHECK(closed.err.empty());
 }

@@ -102,6 +102,36 @@ TEST_CASE("programs: without arguments they print their usage and end with exit 
   }
 }
 
+TEST_CASE("jade_bench: each command has its groups and two examples", "[apps]") {
+  const test::TempDir dir;
+  for (const std::string name :
+       {"splat", "iteration", "restorer", "events", "losses", "run", "quality"}) {
+    const std::string help = run(dir, "jade_bench " + name + " --help").out;
+    INFO(help);
+    CHECK_THAT(help, Catch::Contains("\nExamples:\n") && Catch::Contains("\nCommon:\n") &&
+                         !Catch::Contains("\nOptions:\n"));
+    const auto lines = lines_of(help);
+    CHECK(std::count_if(lines.begin(), lines.end(), [&](const std::string& line) {
+            return line.rfind("  jade_bench " + name, 0) == 0;
+          }) == 2);
+    for (const std::string& line : lines) CHECK(characters(line) <= 80);
+    const auto flags = declared_flags(help);
+    for (const std::string& flag : matches(help, std::regex("--[a-z][a-z0-9-]+"))) {
+      INFO(flag);
+      CHECK(flags.count(flag) == 1);
+    }
+  }
+}
+
+TEST_CASE("--help: numbers have no exponents and their thousands apart", "[apps]") {
+  const test::TempDir dir;
+  for (const std::string program : kPrograms) {
+    const std::string help = run(dir, program + " --help").out;
+    INFO(program << help);
+    CHECK(matches(help, std::regex("[0-9]e[+-]?0|\\b[0-9]{5,}\\b")).empty());
+  }
+}
+
 TEST_CASE("programs: an unknown flag is answered with the nearest one", "[apps]") {
   const test::TempDir dir;
   for (const std::string program : kPrograms) {

@@ -31,7 +31,7 @@ void check_folder(const fs::path& folder) {
   if (fs::is_directory(folder)) return;
   throw DataError(concat(folder.string(),
                          fs::exists(folder) ? ": is a file; " : ": no such folder; ",
-                         "dataset.path must be the folder of a data set"));
+                         "give the folder of a data set"));
 }
 
 std::vector<torch::Tensor*> frames_of(Dataset& data) {
