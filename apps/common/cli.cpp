@@ -366,7 +366,8 @@ std::string Program::path_hint(const std::string& word) const {
                                           : is_file   ? std::vector<std::string>{"ply"}
                                                       : std::vector<std::string>{};
   for (const std::string& flag : suited) {
-    if (cli_.get_option_no_throw("--" + flag)) return concat("; use --", flag, " ", shell_word(word));
+    if (cli_.get_option_no_throw("--" + flag))
+      return concat("; use --", flag, " ", shell_word(word));
   }
   return "";
 }

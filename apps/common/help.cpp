@@ -14,7 +14,8 @@
 namespace jade::apps {
 namespace {
 
-constexpr size_t kTextColumn = 26;
+/// Column of the texts beside the flags; on a narrow terminal they stand below them.
+size_t text_column(size_t width) { return width < 60 ? 6 : 26; }
 
 /// Number of characters of UTF-8 text; continuation bytes occupy no column.
 size_t columns_of(const std::string& text) {
@@ -68,11 +69,12 @@ std::string description_of(const CLI::Option& option) {
 }
 
 std::string line_of(const std::string& name, const std::string& text, size_t width) {
+  const size_t begin = text_column(width);
   std::string line = "  " + name;
-  if (columns_of(line) + 2 > kTextColumn) line += "\n";
+  if (columns_of(line) + 2 > begin) line += "\n";
   size_t column = line.back() == '\n' ? 0 : columns_of(line);
-  line += std::string(kTextColumn - column, ' ');
-  return line + wrapped(text, width, kTextColumn, kTextColumn) + "\n";
+  line += std::string(begin - column, ' ');
+  return line + wrapped(text, width, begin, begin) + "\n";
 }
 
 int rank_of(const std::string& group) {

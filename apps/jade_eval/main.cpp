@@ -52,7 +52,6 @@ int main(int argc, char** argv) {
       throw ConfigError(concat("expected --run DIR, or --renders DIR with --truth DIR, found ",
                                run.empty() && renders.empty() && truth.empty() ? "none of them"
                                : folders                                       ? "all of them"
-                               : renders.empty() == truth.empty()              ? "none of them"
                                : renders.empty()                               ? "no --renders"
                                                                                : "no --truth"));
     }

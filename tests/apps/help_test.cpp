@@ -123,6 +123,21 @@ TEST_CASE("jade_bench: each command has its groups and two examples", "[apps]") 
   }
 }
 
+TEST_CASE("--help: a narrow terminal has the texts below the flags", "[apps]") {
+  const test::TempDir dir;
+  const Outcome outcome =
+      run(dir, "script -qec 'stty cols 40; jade_train --help' /dev/null < /dev/null");
+  INFO(outcome.out << outcome.err);
+  REQUIRE(outcome.code == 0);
+  std::string text = outcome.out;
+  text.erase(std::remove(text.begin(), text.end(), '\r'), text.end());
+  const auto lines = lines_of(text);
+  CHECK(std::find(lines.begin(), lines.end(), "  --output DIR") != lines.end());
+  for (const std::string& line : lines) {
+    if (line.rfind("  jade_train ", 0) != 0) CHECK(characters(line) <= 40);
+  }
+}
+
 TEST_CASE("--help: numbers have no exponents and their thousands apart", "[apps]") {
   const test::TempDir dir;
   for (const std::string program : kPrograms) {

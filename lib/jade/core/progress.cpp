@@ -22,8 +22,9 @@ std::atomic<bool>& enabled() {
 std::string bar(double fraction) {
   constexpr int kCells = 20;
   const int full = static_cast<int>(std::floor(fraction * kCells));
+  const char* const cells[] = {terminal_is_utf8() ? "░" : "-", terminal_is_utf8() ? "█" : "#"};
   std::string text;
-  for (int i = 0; i < kCells; ++i) text += i < full ? "█" : "░";
+  for (int i = 0; i < kCells; ++i) text += cells[i < full ? 1 : 0];
   return text;
 }
 

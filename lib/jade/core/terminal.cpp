@@ -48,6 +48,16 @@ bool terminal_is_live() {
   return live;
 }
 
+bool terminal_is_utf8() {
+  for (const char* name : {"LC_ALL", "LC_CTYPE", "LANG"}) {
+    const char* value = std::getenv(name);
+    if (value == nullptr || *value == '\0') continue;
+    const std::string locale = value;
+    return locale.find("UTF-8") != locale.npos || locale.find("utf8") != locale.npos;
+  }
+  return false;
+}
+
 void terminal_print_line(const std::string& text) {
   const std::lock_guard<std::mutex> lock(terminal_mutex());
   const bool live = !live_line().empty();

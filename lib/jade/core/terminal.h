@@ -9,6 +9,9 @@ namespace jade {
 /// True if stderr is a terminal that can redraw a line.
 bool terminal_is_live();
 
+/// Whether the locale of the environment (LC_ALL, LC_CTYPE, LANG) is one of UTF-8.
+bool terminal_is_utf8();
+
 /// Prints a whole line, above the live line if there is one.
 void terminal_print_line(const std::string& text);
 
