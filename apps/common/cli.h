@@ -138,7 +138,7 @@ class Program {
 
  private:
   config::Sources sources(const FieldList& fields) const;
-  /// What is wrong with a command line that CLI11 rejected, and the nearest word that works.
+  /// Error text for a command line that CLI11 rejected, with the nearest word that works.
   std::string refusal(const CLI::ParseError& error, const std::vector<std::string>& words) const;
   /// "; did you mean --output?" for an unknown flag; empty if no known flag is similar.
   std::string flag_hint(const std::string& word) const;
