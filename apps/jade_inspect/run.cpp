@@ -42,8 +42,8 @@ void inspect_run(const fs::path& folder, bool json) {
                 result.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     return;
   }
-  std::printf("run         %s, step %s of %s\n", folder.c_str(), grouped(s.step).c_str(),
-              grouped(s.options.train.iterations).c_str());
+  std::printf("run         %s, step %ld of %ld\n", folder.c_str(), long(s.step),
+              long(s.options.train.iterations));
   std::printf("data set    %s\n", s.options.dataset.path.c_str());
   std::printf("target      %s, allocation %s, seed %ld\n", word_of(s.options.objective.target),
               word_of(s.options.allocation.kind), long(s.options.seed));

@@ -41,7 +41,7 @@ void print_origin(const geometry::Vector3& origin) {
 }  // namespace
 
 void print_text(const GaussianSummary& s, bool antialiased) {
-  std::printf("Gaussians   %s, SH degree %ld%s\n", grouped(s.count).c_str(), long(s.sh_degree),
+  std::printf("Gaussians   %ld, SH degree %ld%s\n", long(s.count), long(s.sh_degree),
               antialiased ? ", antialiased (mip)" : "");
   if (s.count == 0) return;
   print_spread("x", s.x);
@@ -79,7 +79,7 @@ void inspect_points(const std::filesystem::path& path, bool json) {
   const char* const axes[] = {"x", "y", "z"};
   if (!json) {
     std::printf("file        %s\n", word_of(kind));
-    std::printf("points      %s %s colours, no Gaussians\n", grouped(cloud.points.size(0)).c_str(),
+    std::printf("points      %ld %s colours, no Gaussians\n", long(cloud.points.size(0)),
                 colored ? "with" : "without");
   }
   for (int64_t i = 0; i < 3; ++i) {

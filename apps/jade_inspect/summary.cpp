@@ -71,8 +71,7 @@ void print_frames(const Dataset& d) {
                 long(masks.frames), 100 * masks.excluded, 100 * masks.largest);
   }
   std::printf("depth       %.4g to %.4g units\n", d.near, d.far);
-  if (d.points.defined())
-    std::printf("points      %s sparse points\n", grouped(d.points.size(0)).c_str());
+  if (d.points.defined()) std::printf("points      %ld sparse points\n", long(d.points.size(0)));
   if (d.trajectory.empty()) {
     std::printf("poses       nine an exposure, no dense trajectory\n");
   } else {

@@ -22,8 +22,8 @@ std::string EventFlip::name() const {
 
 std::string EventFlip::cure(const events::ImageSize& size) const {
   if (polarity) return "exchange the polarities";
-  return concat("replace ", x ? concat("x by ", size.width - 1, " - x") : "",
-                x && y ? " and " : "", y ? concat("y by ", size.height - 1, " - y") : "");
+  return concat("replace ", x ? concat("x by ", size.width - 1, " - x") : "", x && y ? " and " : "",
+                y ? concat("y by ", size.height - 1, " - y") : "");
 }
 
 }  // namespace jade::data

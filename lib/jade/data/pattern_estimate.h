@@ -18,7 +18,7 @@ struct PatternEstimate {
   int64_t pairs = 0;  ///< number of compared pairs of frames
 
   /// Whether motion in two directions separates the pattern from the scene, and the pattern is
-  /// strong enough to learn (docs/results.md, recordings with faults).
+  /// strong enough to learn (docs/results.md, "Fixed pattern").
   bool is_worth_learning() const {
     return sideways_px >= kLeastSidewaysPx && strength >= kLeastStrength;
   }

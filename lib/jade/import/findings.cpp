@@ -140,7 +140,7 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
   if (!flip.empty()) {
     if (frames_apart) throw DataError(concat(capture.source, ": ", flip));
     log_warn(concat(capture.source, ": ", flip));
-    return {0, "taken for one clock, as events are flipped", found.curve};
+    return {0, "assumed to be one clock, as events are flipped", found.curve};
   }
   if (found.ambiguous() && frames_apart) {
     throw DataError(concat(capture.source,
@@ -151,10 +151,11 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
                            "time.find_offset=false for clocks that are one"));
   }
   if (found.ambiguous()) {
-    log_warn(
-        concat(capture.source, ": frames and events do not tell the offset between their clocks (",
-               found.doubt, "); taken for one clock, give it with --offset-ms if they are two"));
-    return {0, "taken for one clock, as nothing tells", found.curve};
+    log_warn(concat(capture.source,
+                    ": frames and events do not determine the offset between their clocks (,
+                    found.doubt,
+                    "); assumed to be one clock, give it with --offset-ms if they are two"));
+    return {0, "assumed to be one clock, as frames and events do not say", found.curve};
   }
   const double offset_ms = found.offset_us / 1000, error_ms = found.error_us / 1000;
   const std::string measured = concat(rounded(offset_ms, 0.1), " +- ", rounded(error_ms, 0.1),

@@ -326,9 +326,9 @@ std::string said_of(const Capture& capture) {
 std::string said_of(const SearchResult& result) {
   const Attempt& a = result.attempts[result.chosen];
   return concat(a.registered, " of ", a.images, " images, ", a.points, " points, error ",
-                a.error_px, " px, ", std::lround(100 * a.explained_blur),
-                " % of the blur explained, focal length ", result.best.camera.fx, " px, attempt ",
-                a.name);
+                readable(a.error_px, 2), " px, ", std::lround(100 * a.explained_blur),
+                " % of the blur explained, focal length ", readable(result.best.camera.fx, 4),
+                " px, attempt ", a.name);
 }
 
 /// Names the masks beside the folder of --frames.

@@ -11,6 +11,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/core/readable.h"
 #include "jade/geometry/trajectory.h"
 #include "jade/imaging/image_io.h"
 #include "jade/import/colmap.h"
@@ -265,7 +266,7 @@ std::string sentence(const Attempt& a) {
   if (!a.problem.empty()) return concat(a.name, ": ", a.problem);
   return concat(a.name, ": ", a.registered, " of ", a.images, " images, ",
                 std::lround(100 * a.explained_blur), " % of the blur explained, parallax ",
-                a.parallax_deg, " degrees");
+                readable(a.parallax_deg, 2), " degrees");
 }
 
 [[noreturn]] void fail(const std::vector<Attempt>& tried, const FrameMotion& motion) {
@@ -467,8 +468,8 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       Reconstruction r = read_reconstruction(reversed, images, double(options.latents.upscale));
       Attempt attempt = attempt_of(settings.name, images.size(), r);
       attempt.explained_blur = explained_blur_of(latents, images, capture, r);
-      log_info(concat("  with near and far exchanged: error ", attempt.error_px, " px, before ",
-                      best.error_px, " px"));
+      log_info(concat("  with near and far exchanged: error ", readable(attempt.error_px, 2),
+                      " px, before ", readable(best.error_px, 2), " px"));
       if (explains_blur(attempt) && attempt.registered >= best.registered) {
         best = attempt;
         found = std::move(r);
@@ -481,7 +482,7 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       result.chosen = result.attempts.size();
     }
     log_info(concat("  ", sentence(best), ", ", best.points, " points, ", best.observations,
-                    " observations, error ", best.error_px, " px"));
+                    " observations, error ", readable(best.error_px, 2), " px"));
     result.attempts.push_back(best);
     if (is_good(best)) break;
     // Two agreeing signs: the frames do not move, and COLMAP finds no initial pair.

@@ -8,6 +8,7 @@
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
+#include "jade/core/readable.h"
 #include "jade/events/warp.h"
 #include "jade/imaging/warp.h"
 #include "jade/import/rectify.h"
@@ -133,8 +134,8 @@ std::string undistort(const LensOptions& options, const Calibration& calibration
   capture.events = moved.events;
   capture.event_map = to.event_map;
   capture.camera = to.camera;
-  std::string said =
-      concat("focal length ", to.camera.fx, " px, ", moved.dropped, " events beside the image");
+  std::string said = concat("focal length ", readable(to.camera.fx, 4), " px, ", moved.dropped,
+                            " events beside the image");
   if (cameras.events) said += parallax_said(options, to);
   return said;
 }
