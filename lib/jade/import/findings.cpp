@@ -152,7 +152,7 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
   }
   if (found.ambiguous()) {
     log_warn(concat(capture.source,
-                    ": frames and events do not determine the offset between their clocks (,
+                    ": frames and events do not determine the offset between their clocks (",
                     found.doubt,
                     "); assumed to be one clock, give it with --offset-ms if they are two"));
     return {0, "assumed to be one clock, as frames and events do not say", found.curve};
