@@ -446,7 +446,7 @@ class BadInput(unittest.TestCase):
             self.expect(NotImplementedError, name, **{name: value})
         scene = make_scene(count=4)
         scene["Ks"].requires_grad_()
-        self.expect(NotImplementedError, "Ks", scene)
+        self.expect(NotImplementedError, "Ks.detach()", scene)
 
     def test_values(self):
         self.expect(ValueError, "render_mode", render_mode="RGBD")
@@ -454,6 +454,8 @@ class BadInput(unittest.TestCase):
         self.expect(ValueError, "sh_degree", make_scene(count=4, coefficients=25), sh_degree=4)
         self.expect(ValueError, "colors", make_scene(count=4, coefficients=4), sh_degree=2)
         self.expect(ValueError, "width", width=0)
+        self.expect(TypeError, "32.5", width=32.5)
+        self.expect(TypeError, "sh_degree", make_scene(count=4, coefficients=16), sh_degree=1.5)
         self.expect(ValueError, "near_plane", near_plane=2.0, far_plane=1.0)
 
     def test_shapes(self):
@@ -463,6 +465,27 @@ class BadInput(unittest.TestCase):
             if name == "colors":  # of two channels: then the background does not fit
                 name = "backgrounds"
             self.expect(ValueError, name, scene)
+
+    def test_the_bare_op(self):
+        scene = make_scene(count=4, coefficients=4)
+        intrinsics = scene["Ks"].flatten(1)[:, [0, 4, 2, 5]]
+        good = {
+            "means": scene["means"], "quats": scene["quats"], "log_scales": scene["scales"].log(),
+            "logit_opacities": scene["opacities"].logit(), "sh": scene["colors"], "viewmats": scene["viewmats"],
+            "intrinsics": intrinsics, "width": WIDTH, "height": HEIGHT,
+        }
+        splat(**good)
+        bad = {name: good[name][:-1] for name in ("quats", "log_scales", "logit_opacities", "sh", "intrinsics")}
+        bad |= {"means": scene["means"][:, :2], "viewmats": scene["viewmats"][:0], "width": -3, "height": 10**6}
+        bad |= {"near_plane": 0.0, "sh_degree": 4}
+        for name, value in bad.items():
+            with self.assertRaisesRegex(ValueError, f"^([a-z]+, )?{name}(, [a-z]+)?: expected"):
+                splat(**(good | {name: value}))
+        for name, value in {"width": 32.5, "sh_degree": 1.5, "quats": None, "sh": scene["colors"].half()}.items():
+            with self.assertRaisesRegex(TypeError, f"^{name}"):
+                splat(**(good | {name: value}))
+        with self.assertRaisesRegex(NotImplementedError, r"intrinsics\.detach\(\)"):
+            splat(**(good | {"intrinsics": intrinsics.clone().requires_grad_()}))
 
     def test_types_and_devices(self):
         for name in (*NAMES, "Ks"):

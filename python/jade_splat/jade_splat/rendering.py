@@ -61,8 +61,22 @@ def splat(
     """
     tensors = (means, quats, log_scales, logit_opacities, sh, viewmats, intrinsics)
     _check_tensors(_SPLAT_NAMES, tensors)
-    if sh.dim() != 3 or sh.shape[1] not in _DEGREES or not 0 <= sh_degree <= 3:
-        raise ValueError(f"sh, sh_degree: expected [N, 1, 4, 9 or 16, 3] and 0 to 3, found {tuple(sh.shape)}, {sh_degree}")
+    _refuse_gradient("intrinsics", intrinsics)
+    _check_size(width, height)
+    _check_degree(sh_degree)
+    count = _count(means)
+    if len(count) != 1:
+        raise ValueError(f"means: expected shape (N, 3), found {tuple(means.shape)}")
+    if sh.dim() != 3 or sh.shape[1] not in _DEGREES or sh.shape[::2] != (*count, 3):
+        raise ValueError(f"sh: expected shape ({count[0]}, 1, 4, 9 or 16, 3), found {tuple(sh.shape)}")
+    views = _views(viewmats)
+    _expect("quats", quats, (*count, 4))
+    _expect("log_scales", log_scales, (*count, 3))
+    _expect("logit_opacities", logit_opacities, count)
+    _expect("viewmats", viewmats, (views, 4, 4))
+    _expect("intrinsics", intrinsics, (views, 4))
+    if not near_plane > 0:
+        raise ValueError(f"near_plane: expected more than 0, found {near_plane}")
     sh_degree = min(sh_degree, _DEGREES[sh.shape[1]])
     scalars = (
         *(width, height, sh_degree, near_plane, _FARTHEST, _MAX_ALPHA),
@@ -153,8 +167,7 @@ def rasterization(
     gaussians = (means, quats, scales, opacities)
     tensors = (*gaussians, colors, viewmats, Ks)
     _check_tensors(_NAMES, tensors if backgrounds is None else (*tensors, backgrounds))
-    if Ks.requires_grad:
-        _refuse(Ks=True)
+    _refuse_gradient("Ks", Ks)
     batch, views = _check_shapes(*gaussians, colors, viewmats, Ks, width, height, sh_degree)
     channels = 3 if sh_degree is not None else colors.shape[-1]
     if backgrounds is not None:
@@ -255,6 +268,39 @@ def _refuse(**used: bool) -> None:
             raise NotImplementedError(f"{name}: not supported by jade_splat.rasterization; leave its default")
 
 
+def _refuse_gradient(name: str, tensor: Tensor) -> None:
+    if tensor.requires_grad:
+        raise NotImplementedError(f"{name}: gradients of intrinsics are not supported; pass {name}.detach()")
+
+
+def _check_size(width: int, height: int) -> None:
+    for size in (width, height):
+        if isinstance(size, (float, str, type(None))):
+            raise TypeError(f"width, height: expected integers, found {width!r} and {height!r}")
+    if not (0 < width < 32768 and 0 < height < 32768):
+        raise ValueError(f"width, height: expected 1 to 32767 px, found {width} and {height}")
+
+
+def _check_degree(sh_degree: int) -> None:
+    if isinstance(sh_degree, (float, str, type(None))):
+        raise TypeError(f"sh_degree: expected an integer, found {sh_degree!r}")
+    if not 0 <= sh_degree <= 3:
+        raise ValueError(f"sh_degree: expected 0 to 3, found {sh_degree}")
+
+
+def _count(means: Tensor) -> tuple[int, ...]:
+    """The batch's shape and the number of Gaussians."""
+    if means.dim() < 2 or means.shape[-1] != 3:
+        raise ValueError(f"means: expected shape (..., N, 3), found {tuple(means.shape)}")
+    return tuple(means.shape[:-1])
+
+
+def _views(viewmats: Tensor) -> int:
+    if viewmats.dim() < 3 or viewmats.shape[-3] < 1:
+        raise ValueError(f"viewmats: expected shape (..., C, 4, 4) with C of at least 1, found {tuple(viewmats.shape)}")
+    return viewmats.shape[-3]
+
+
 def _check_tensors(names: tuple[str, ...], tensors: tuple[Tensor, ...]) -> None:
     """Means come first; the others must match them."""
     means = tensors[0]
@@ -293,12 +339,9 @@ def _check_shapes(
     width: int, height: int, sh_degree: int | None,
 ) -> tuple[tuple[int, ...], int]:
     """Returns the batch's shape and the number of views."""
-    if means.dim() < 2 or means.shape[-1] != 3:
-        raise ValueError(f"means: expected shape (..., N, 3), found {tuple(means.shape)}")
-    *batch, count, _ = means.shape
-    if viewmats.dim() < 3 or viewmats.shape[-3] < 1:
-        raise ValueError(f"viewmats: expected shape (..., C, 4, 4) with C of at least 1, found {tuple(viewmats.shape)}")
-    views = viewmats.shape[-3]
+    _check_size(width, height)
+    *batch, count = _count(means)
+    views = _views(viewmats)
     _expect("quats", quats, (*batch, count, 4))
     _expect("scales", scales, (*batch, count, 3))
     _expect("opacities", opacities, (*batch, count))
@@ -307,8 +350,7 @@ def _check_shapes(
     tail = 1
     if sh_degree is not None:
         tail = 2
-        if not 0 <= sh_degree <= 3:
-            raise ValueError(f"sh_degree: expected 0 to 3, found {sh_degree}")
+        _check_degree(sh_degree)
         if colors.dim() < 2 or colors.shape[-1] != 3 or colors.shape[-2] < (sh_degree + 1) ** 2:
             raise ValueError(
                 f"colors: expected (..., K, 3) with K of at least {(sh_degree + 1) ** 2}, found {tuple(colors.shape)}"
@@ -318,6 +360,4 @@ def _check_shapes(
             f"colors: expected {(*batch, count)} or {(*batch, views, count)} and {tail} more axes, "
             f"found {tuple(colors.shape)}"
         )
-    if not (0 < width < 32768 and 0 < height < 32768):
-        raise ValueError(f"width, height: expected 1 to 32767 px, found {width} and {height}")
     return tuple(batch), views
