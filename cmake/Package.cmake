@@ -4,7 +4,8 @@
 # jade_link_torch, which the package brings, points the programs to one.
 
 set(CPACK_PACKAGE_NAME jade-gs)
-set(CPACK_PACKAGE_CONTACT "The JADE-GS maintainers <jade-gs@example.invalid>")
+# As CITATION.cff names them, without an address. A distributor gives its own: cpack -D "CPACK_PACKAGE_CONTACT=NAME <ADDRESS>".
+set(CPACK_PACKAGE_CONTACT "The JADE-GS maintainers")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "Sharp 3D Gaussian scenes from blurry frames and events")
 set(CPACK_PACKAGE_DESCRIPTION "Programs that import recordings of event cameras, train 3D Gaussian scenes from their blurry
 frames and events, and render, export and show them. They need LibTorch ${JADE_TORCH_VERSION}: run jade_link_torch.")
