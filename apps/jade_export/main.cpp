@@ -132,15 +132,17 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::IsMember({"dataset", "scene"}));
   int spz_version = 2;
-  program.cli()
-      .add_option("--spz-version", spz_version,
-                  "Version of .spz: 2 (most viewers read it), or 3 or 4, whose rotations are finer")
-      ->type_name("N")
-      ->check(CLI::Range(2, 4))
-      ->capture_default_str();
+  auto* version_flag = program.cli().add_option(
+      "--spz-version", spz_version,
+      "Version of .spz: 2 (most viewers read it), or 3 or 4, whose rotations are finer");
+  version_flag->type_name("N")->check(CLI::Range(2, 4))->capture_default_str();
   program.add_json_flag();
   return program.run(argc, argv, [&] {
     check_output(program.output());
+    if (version_flag->count() > 0 && program.output().extension() != ".spz") {
+      throw ConfigError(concat("--spz-version: expected an --output that ends in .spz, found ",
+                               program.output().string(), "; leave one away"));
+    }
     const gaussians::GaussianFile file = load(sources);
     const int64_t written = save(program.output(), file, coordinates == "dataset", spz_version);
     const auto bytes = fs::file_size(program.output());

@@ -84,11 +84,13 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
          "With --format mp4: factor on what the film shows (default: above 1 only where the "
          "frames of the data set are dark); images keep their values")
       ->check(apps::within(0.1, 20));
-  cli.add_flag("--depth", flags.depth,
-               "Also write NAME_depth.npy and 16-bit NAME_depth.png: the depth along the camera's "
-               "axis in units of the scene, 0 where there is none");
+  auto* depth = cli.add_flag(
+      "--depth", flags.depth,
+      "Also write NAME_depth.npy and 16-bit NAME_depth.png: the depth along the camera's "
+      "axis in units of the scene, 0 where there is none");
   cli.add_option("--depth-step", flags.depth_step,
                  "With --depth: units of the scene per step of the .png")
+      ->needs(depth)
       ->check(apps::within(1e-9, 1e9))
       ->capture_default_str();
   cli.footer(

@@ -220,6 +220,13 @@ TEST_CASE("jade_export: a wrong --output is reported before anything is read or 
   CHECK_FALSE(fs::exists(dir / "made"));
   fs::create_directory(dir / "taken.spz");
   check_error(run(dir, flags + "taken.spz"), 2, "--output", "taken.spz");
+  check_error(run(dir, flags + "made/a.sog --spz-version 4"), 2, "--spz-version", "made/a.sog");
+}
+
+TEST_CASE("jade_render: --depth-step without --depth would do nothing", "[apps]") {
+  const test::TempDir dir;
+  check_error(run(dir, "jade_render --ply a.ply --output out --depth-step 0.01"), 2, "--depth-step",
+              "--depth");
 }
 
 TEST_CASE("jade_render: without ffmpeg one line says how to get it, before anything is read",
