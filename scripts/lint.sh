@@ -4,8 +4,7 @@
 #
 #   scripts/lint.sh [--fast]      --fast skips clang-tidy
 #
-# clang-tidy checks the files whose mistakes cost most: the modules without heavy torch headers, and all files that
-# differ from the main branch.
+# clang-tidy checks core, config, io and geometry, which include few heavy headers.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 case "${1:-}" in -h | --help) sed -n '3,/^[^#]/s/^# \{0,1\}//p' scripts/lint.sh; exit ;; esac

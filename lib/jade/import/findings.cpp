@@ -151,10 +151,9 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
                            "time.find_offset=false for clocks that are one"));
   }
   if (found.ambiguous()) {
-    log_warn(concat(capture.source,
-                    ": frames and events do not determine the offset between their clocks (",
-                    found.doubt,
-                    "); assumed to be one clock, give it with --offset-ms if they are two"));
+    log_warn(concat(
+        capture.source, ": frames and events do not determine the offset between their clocks (",
+        found.doubt, "); assumed to be one clock, give it with --offset-ms if they are two"));
     return {0, "assumed to be one clock, as frames and events do not say", found.curve};
   }
   const double offset_ms = found.offset_us / 1000, error_ms = found.error_us / 1000;
