@@ -48,7 +48,8 @@ void use_path(const fs::path& path, apps::Program& program) {
                "them with ",
                program.command("jade_view"), " ", apps::shell_word(path)));
   }
-  if (fs::is_regular_file(path)) recording::recognise(path);  // else its error tells the formats
+  // The error for a file that is no recording lists the formats.
+  if (fs::is_regular_file(path)) recording::recognise(path);
   if (fs::is_regular_file(path) || recording::is_recording(path)) {
     throw ConfigError(concat(path.string(),
                              ": expected a data set with poses or a scene.yaml, found a recording; "

@@ -247,7 +247,7 @@ def check_mistakes(runs):
     fails("--serve 127.0.0.1:http: expected an IP address and a port", 2, *runs.training("none", "--serve=127.0.0.1:http"))
     fails("--serve example.org: expected an IP address", 2, *runs.training("none", "--serve=example.org"))
     expect(not (runs.folder / "none").exists(), "no run directory")
-    fails("example.org: no such folder", 3, *runs.training("none", "--serve", "example.org"))
+    fails("example.org: expected the folder of a data set", 3, *runs.training("none", "--serve", "example.org"))
     done = subprocess.run(runs.program("jade_view", "--serve", runs.folder / "nothing"), capture_output=True, text=True)
     expect(done.returncode != 0 and ("found nothing" in done.stderr or "already in use" in done.stderr), f"the word after --serve is the scene: {done.stderr}")
     fails("expected a run directory of jade_train or a file of Gaussians, found nothing", 3, *runs.program("jade_view", runs.folder / "nothing", "--serve=0"))

@@ -325,7 +325,7 @@ test('sweep: a lead within the noise of seeds is called level', () => {
   assert.equal(level(0.3, row('a', 31), row('b', 30.05), row('c', 30)), '');
   assert.equal(level(0.003, row('a', 0.85), row('b', 0.848)), 'b');
   assert.equal(level(0, row('a', 12), row('b', 12.1)), ''); // minutes
-  // Several seeds tell their noise themselves; a row that is farther off may be the one that is level.
+  // Rows with several seeds have their own noise, so the level row need not be the nearest one.
   assert.equal(level(0.3, row('a', 30.05, 0.01), row('b', 30, 0.01)), '');
   assert.equal(level(0.3, row('a', 30.05, 0.01), row('b', 30, 0.01), row('c', 29.9, 0.2)), 'c');
   // Two that are printed alike are both the best.

@@ -15,7 +15,7 @@ struct EventFlip {
   /// @param size  of the frames, whose pixels the coordinates are in
   events::EventStream undone(const events::EventStream& events,
                              const events::ImageSize& size) const;
-  /// What such events do: "lie upside down", for example.
+  /// A predicate for messages, such as "lie upside down".
   std::string name() const;
   /// The edit that undoes this flip: "replace y by 179 - y", for example.
   std::string cure(const events::ImageSize& size) const;
