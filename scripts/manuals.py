@@ -70,6 +70,12 @@ def man_page(program, version):
     return "\n".join(lines)
 
 
+def with_flags_of(program, command):
+    """The command with the program's flags, which it accepts too."""
+    own = set(flags(command))
+    return {**command, "options": command["options"] + [o for o in program["options"] if o["flags"] and not own & set(o["flags"])]}
+
+
 # --- bash ------------------------------------------------------------------------------------------
 
 
@@ -99,7 +105,7 @@ def bash_completion(program):
         lines += ['  local command="" given', '  for given in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do', '    case " ' + names + ' " in *" $given "*) command="$given" ;; esac',
                   "  done", '  case "$command" in']
         for command in program["commands"]:
-            lines += [f"    {command['name']})", *bash_cases(command, "      "), "      return ;;"]
+            lines += [f"    {command['name']})", *bash_cases(with_flags_of(program, command), "      "), "      return ;;"]
         lines += ["  esac", f'  case "$word" in -*) ;; *) COMPREPLY=($(compgen -W {quoted(names)} -- "$word")); return ;; esac']
     lines += [*bash_cases(program, "  "), "}", f"complete -o default -F _{name} {name}", ""]
     return "\n".join(lines)
@@ -127,7 +133,7 @@ def zsh_completion(program):
         names = " ".join(command["name"] for command in program["commands"])
         lines += ["case ${words[2]} in"]
         for command in program["commands"]:
-            lines.append(f"  {command['name']}) shift words; (( CURRENT-- )); _arguments {' '.join(zsh_arguments(command))} '*:file:_files' ;;")
+            lines.append(f"  {command['name']}) shift words; (( CURRENT-- )); _arguments {' '.join(zsh_arguments(with_flags_of(program, command)))} '*:file:_files' ;;")
         lines += [f"  *) _arguments {' '.join(zsh_arguments(program))} {quoted(f'1:command:({names})')} ;;", "esac", ""]
     else:
         lines += ["_arguments \\", *[f"  {line} \\" for line in zsh_arguments(program)], "  '*:file:_files'", ""]
