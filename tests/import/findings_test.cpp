@@ -80,7 +80,7 @@ TEST_CASE("findings: events that lie mirrored are named, with and without exposu
   import::Capture mirrored = capture_ahead(0);
   const events::EventStream& e = mirrored.events;
   mirrored.events = events::EventStream(e.x(), 47 - e.y(), e.t_us(), e.polarity());
-  CHECK_THAT(import::find_clock({}, mirrored, false).said, test::naming("mirrored"));
+  CHECK_THAT(import::find_clock({}, mirrored, false).said, test::naming("flipped"));
   CHECK_THROWS_NAMING(DataError, import::find_clock({}, mirrored, true), "47 - y");
   for (import::Shot& shot : mirrored.shots) shot.t_end_us = shot.t_start_us;
   mirrored.shots.resize(3);

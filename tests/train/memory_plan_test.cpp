@@ -29,7 +29,7 @@ TEST_CASE("memory plan: constants as the bank holds them, and Gaussians as many 
   CHECK(plan.gaussians == 1000 * 59 * 4 * 4);
   CHECK(plan.renders == 2 * 9 * 3 * pixels * 4);
   CHECK_THAT(text_of(plan, count, most_gaussians(state, options)),
-             Catch::Contains(jade::concat(count, " frames")) && Catch::Contains("1000 Gaussians"));
+             Catch::Contains(jade::concat(count, " frames")) && Catch::Contains("1,000 Gaussians"));
   options.densify.strategy = gaussians::DensifyStrategy::kNone;
   CHECK(memory_plan(bank, state, options).gaussians == state.gaussians.size() * 59 * 4 * 4);
 }

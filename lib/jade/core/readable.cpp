@@ -26,6 +26,9 @@ std::string readable(double number, int digits) {
   std::string out = text;
   const size_t exponent = out.find("e-0");
   if (exponent != std::string::npos) out.erase(exponent + 2, 1);
+  const size_t point = out.find('.');
+  if (size >= 1000 && out.find('e') == std::string::npos)
+    out.replace(0, point, grouped(std::stoll(out.substr(0, point))));
   return out;
 }
 
