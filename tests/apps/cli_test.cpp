@@ -136,8 +136,8 @@ TEST_CASE(
   check_error(run(dir, "jade_train events.txt --output x"), 2, "jade_import events.txt");
   check_error(run(dir, "jade_train nowhere --output x"), 3, "nowhere");
   CHECK_THAT(run(dir, "jade_train nowhere --output x").err, !Catch::Contains("dataset.path"));
-  dir.write("notes.md", "# Notes\n\nnothing else\n");
-  check_error(run(dir, "jade_train notes.md --output x"), 3, "notes.md");
+  dir.write("odd.bin", std::string("\x01\x02\x03\0\xFF", 5));
+  check_error(run(dir, "jade_train odd.bin --output x"), 3, "odd.bin", "recording");
 }
 
 TEST_CASE("jade_train: trains, resumes and is scored from the command line", "[apps]") {

@@ -216,7 +216,7 @@ TEST_CASE("jade_deblur: other mistakes get one line and their exit code", "[apps
   check_error(scene.deblur("--threshold-positive -1"), 2, "--threshold-positive -1",
               "events.threshold_positive");
   check_error(scene.deblur("--log-offset -1"), 2, "--log-offset");
-  check_error(scene.deblur("--log-offset nan"), 2, "--log-offset", "0 to 1000", "nan");
+  check_error(scene.deblur("--log-offset nan"), 2, "--log-offset", "0 to 1,000", "nan");
   check_error(scene.deblur("--times nan"), 2, "--times", "0 to 1,", "nan");
   const std::string frame = read_file(scene.dir / "scene/images_1/00.png");
   for (const char* folder : {"scene/images_1", "scene/sharp", "scene/../scene/images_1/below"}) {
