@@ -174,7 +174,8 @@ TEST_CASE("adam: the result does not depend on the number of threads", "[gaussia
 }
 
 TEST_CASE("position_lr: log-linear from start to end, constant after", "[gaussians]") {
-  const OptimOptions options;
+  OptimOptions options;
+  options.position_lr_start = 1.6e-4;  // 3DGS
   CHECK(position_lr(options, 0) == Approx(1.6e-4));
   CHECK(position_lr(options, 75000) == Approx(1.6e-5));
   CHECK(position_lr(options, 150000) == Approx(1.6e-6));

@@ -103,7 +103,7 @@ TEST_CASE("pace: minutes become steps and moments", "[run]") {
   CHECK(restored.train.iterations == 8500);
   CHECK(fitted(0.1, 2).objective.restored_poses == RestoredPoses::kMiddle);
   const train::RunOptions named = fitted(0.34, 0, {{"train.iterations", "exposure.samples"}});
-  CHECK((named.train.iterations == 8000 && named.exposure.samples == 17));
+  CHECK((named.train.iterations == 4000 && named.exposure.samples == 17));
 }
 
 TEST_CASE("pace: steps with fewer moments early make room for more", "[run]") {
@@ -119,7 +119,7 @@ TEST_CASE("pace: what a run chose stands in its config.yaml, and a resumed one g
           "[run]") {
   const test::TinyScene scene;
   train::RunOptions options = test::tiny_options(scene);
-  options.train.iterations = 8000;
+  options.train.iterations = 4000;
   const auto folder = scene.dir / "run";
   // Only steps and moments remain to be chosen; all other options are named.
   run::Choices choices;

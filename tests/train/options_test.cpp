@@ -111,7 +111,7 @@ TEST_CASE("options: keys that became constants are read with their value alone",
 events: {bins: 6}
 cache: {max_mib: 2048}
 init: {opacity: 0.1, scale: 1}
-optim: {position_lr_end: 1.6e-06, position_lr_max_steps: 600%, sh_rest_lr: 0.000125, beta1: 0.9, beta2: 0.999, eps: 1e-15}
+optim: {position_lr_start: 1.6e-4, position_lr_end: 1.6e-06, position_lr_max_steps: 600%, sh_rest_lr: 0.000125, beta1: 0.9, beta2: 0.999, eps: 1e-15}
 densify:
   {from: 2%, split_scale: 0.01, prune_opacity: 0.005, prune_scale: 0.1, opacity_reset_every: 12%,
    mcmc: {noise_lr: 5e+05, growth: 0.05, opacity_regularization: 0.01, scale_regularization: 0.01}}

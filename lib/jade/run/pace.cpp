@@ -259,7 +259,7 @@ std::string choose_for_cpu(const Choices& choices, train::RunOptions& options) {
   train::settle(options);
   return concat("on a CPU: ", options.exposure.samples, " moments, ", grouped(kCpuSteps),
                 " steps, at most ", grouped(int64_t{options.densify.max_gaussians}),
-                " Gaussians; --set train.iterations=8000 for the full preset, --minutes M for as ",
+                " Gaussians; --set train.iterations=4000 for the full preset, --minutes M for as ",
                 "many as fit");
 }
 

@@ -27,7 +27,7 @@
 namespace jade::train {
 
 struct TrainOptions {
-  int64_t iterations = 8000;
+  int64_t iterations = 4000;
   int64_t calendar = 0;
   Steps quarter_moments_until = Steps::share(12.5);
   Steps half_moments_until = Steps::share(20);
