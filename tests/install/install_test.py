@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import urllib.request
 from pathlib import Path
 
 BUILD, SOURCE = (Path(argument).resolve() for argument in sys.argv[1:3])
@@ -37,14 +38,33 @@ class Install(unittest.TestCase):
     def tearDownClass(cls):
         cls.folder.cleanup()
 
+    def environment(self):
+        """Without variables that lead to the build."""
+        kept = {name: os.environ[name] for name in ("HOME", "TMPDIR", "LANG") if name in os.environ}
+        return kept | {"PATH": "/usr/bin:/bin", "JADE_CACHE": str(self.work / "cache")}
+
     def call(self, program, *arguments):
-        """Runs a program in another folder, without environment variables that lead to the build."""
-        environment = {name: os.environ[name] for name in ("HOME", "TMPDIR", "LANG") if name in os.environ}
-        environment |= {"PATH": "/usr/bin:/bin", "JADE_CACHE": str(self.work / "cache")}
-        done = subprocess.run([self.prefix / "bin" / program, *map(str, arguments)], cwd=self.work, env=environment,
+        """Runs a program in another folder."""
+        done = subprocess.run([self.prefix / "bin" / program, *map(str, arguments)], cwd=self.work, env=self.environment(),
                               capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
         return done.stdout
+
+    def first_page(self, program, *arguments):
+        """Starts a program that serves a page, and returns that page."""
+        process = subprocess.Popen([self.prefix / "bin" / program, *arguments], cwd=self.work, env=self.environment(),
+                                   stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True)
+        try:
+            said = ""
+            for line in process.stdout:
+                said += line
+                if address := re.search(r"http://\S+", line):
+                    with urllib.request.urlopen(address.group(), timeout=30) as page:
+                        return page.read().decode()
+            raise AssertionError(f"{program}: expected an address, found {said}")
+        finally:
+            process.terminate()
+            process.communicate()
 
     def paths_of_the_build(self, folder):
         """Names of the folders of build and sources in files below `folder`, and how many files were searched."""
@@ -83,6 +103,7 @@ class Install(unittest.TestCase):
         self.assertTrue((self.work / "run" / "report.html").exists())
         self.call("jade_export", "--run", "run", "--output", "scene.spz")
         self.assertGreater((self.work / "scene.spz").stat().st_size, 1000)
+        self.assertIn("<html", self.first_page("jade_view", "run", "--device", "cpu", "--serve=0"))
 
     def test_another_project_uses_the_op(self):
         project, built = self.work / "consumer", self.work / "consumer-build"
