@@ -86,7 +86,7 @@ TEST_CASE("poses: a model becomes poses by time in units of its depth", "[import
   CHECK(r.seen_by[0] == std::vector<int64_t>{0, 1});
   // All images are registered and their blur is explained, so there is no other attempt.
   CHECK(result.attempts.size() == 1);
-  CHECK(Search(mapper_of(3)).find().attempts.size() == 3);
+  CHECK(Search(mapper_of(3)).find().attempts.size() == 5);
   CHECK(result.attempts[result.chosen].observations == 4);
   CHECK(result.attempts[result.chosen].parallax_deg > 1);
 
@@ -96,6 +96,24 @@ TEST_CASE("poses: a model becomes poses by time in units of its depth", "[import
   CHECK(kept.poses[2].pose.translation == r.poses[2].pose.translation);
   CHECK(torch::equal(kept.points, r.points));
   CHECK(kept.seen_by == r.seen_by);
+}
+
+TEST_CASE("poses: an attempt that leaves out images is repeated with a held focal length",
+          "[import]") {
+  // The mapper registers the fourth image only with a held focal length.
+  Search search("case \"$*\" in *refine_focal_length\\ 0*)\n" + mapper_of(4) + ";; *)\n" +
+                mapper_of(3) + ";; esac");
+  import::SearchResult result = search.find();
+  CHECK(result.best.poses.size() == 4);
+  REQUIRE(result.attempts.size() == 2);
+  CHECK(result.attempts[result.chosen].name == "repeated");
+  CHECK_THAT(result.warning, Catch::Contains("25 px") && Catch::Contains("--calibration"));
+
+  // A known camera is held from the start.
+  search.capture.camera = geometry::Intrinsics::centred(25, 30, 20);
+  result = search.find();
+  CHECK(result.attempts.size() == 1);
+  CHECK(result.warning.empty());
 }
 
 TEST_CASE("poses: an image placed far off its neighbours is left out", "[import]") {
@@ -156,7 +174,7 @@ TEST_CASE("poses: of many images only neighbours and one of each shot are compar
              Catch::Contains("00000_0.png 00001_4.png\n"));
 }
 
-TEST_CASE("poses: one good model is enough, be an image missing", "[import]") {
+TEST_CASE("poses: two good models are enough, be an image missing", "[import]") {
   // 20 sharp shots, 19 of which the mapper registers.
   std::string text = mapper_of(0);
   Search search("");
@@ -172,8 +190,9 @@ TEST_CASE("poses: one good model is enough, be an image missing", "[import]") {
   program(search.dir / "colmap", text);
   const import::SearchResult result = import::find_poses(
       search.dir / "latents", images, search.capture, search.options, search.dir / "work");
-  CHECK(result.attempts.size() == 1);
+  CHECK(result.attempts.size() == 2);
   CHECK(result.best.poses.size() == 19);
+  CHECK(result.warning.empty());
 }
 
 TEST_CASE("poses: too few images say what to record", "[import]") {

@@ -184,6 +184,10 @@ Step match_list(const ColmapJob& job, const std::string& database, const fs::pat
   return match;
 }
 
+const char* refines_focal_length(const ColmapJob& job, const ColmapSettings& settings) {
+  return job.camera || settings.hold_focal_length ? "0" : "1";
+}
+
 }  // namespace
 
 std::vector<std::string> find_colmap(const fs::path& wanted) {
@@ -247,10 +251,11 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
   make_writable_folder(models);
   // One more than the images, to leave room for the final adjustment.
   Step map{"COLMAP: poses", call(job, "mapper"), job.count + 1, "images", following_mapper()};
-  append(map.command, {"--database_path", (folder / "database.db").string(), "--image_path",
-                       job.images.string(), "--output_path", models.string(),
-                       "--Mapper.ba_refine_principal_point", "0", "--Mapper.ba_refine_extra_params",
-                       "0", "--Mapper.ba_refine_focal_length", job.camera ? "0" : "1"});
+  append(map.command,
+         {"--database_path", (folder / "database.db").string(), "--image_path", job.images.string(),
+          "--output_path", models.string(), "--Mapper.ba_refine_principal_point", "0",
+          "--Mapper.ba_refine_extra_params", "0", "--Mapper.ba_refine_focal_length",
+          refines_focal_length(job, settings)});
   append(map.command, settings.mapping);
   if (knows(job, "mapper", "--Mapper.ba_global_frames_ratio", folder / "help.txt")) {
     rename_flags(map.command);
@@ -265,15 +270,17 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
   return found;
 }
 
-fs::path reverse_depths(const ColmapJob& job, const fs::path& model, const fs::path& folder) {
+fs::path reverse_depths(const ColmapJob& job, const ColmapSettings& settings, const fs::path& model,
+                        const fs::path& folder) {
   if (job.program.size() == 1) return {};
   const fs::path reversed = folder / (model.parent_path().filename().string() + "_reversed");
   fs::remove_all(reversed);
   Step step{"COLMAP: other depths", call(job, "reverse_depths"), 1, "models",
             [](const std::string&, Seen&) {}};
-  append(step.command, {"--database_path", (folder / "database.db").string(), "--image_path",
-                        job.images.string(), "--input_path", model.string(), "--output_path",
-                        reversed.string(), "--refine_focal_length", job.camera ? "0" : "1"});
+  append(step.command,
+         {"--database_path", (folder / "database.db").string(), "--image_path", job.images.string(),
+          "--input_path", model.string(), "--output_path", reversed.string(),
+          "--refine_focal_length", refines_focal_length(job, settings)});
   if (!run_step(step, folder / "colmap.log") || !io::is_colmap_model(reversed)) return {};
   return reversed;
 }

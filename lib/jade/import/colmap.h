@@ -39,6 +39,9 @@ struct ColmapJob {
 struct ColmapSettings {
   std::string name;  ///< name of the attempt and of its folder
   std::vector<std::string> extraction, matching, mapping;
+  /// Without a camera: keeps the focal length that COLMAP starts with, in most runs 1.2 times the
+  /// larger side of the image.
+  bool hold_focal_length = false;
 };
 
 /// Extracts and matches features. Writes FOLDER/database.db and FOLDER/colmap.log. Shows progress.
@@ -55,7 +58,8 @@ std::vector<std::filesystem::path> reconstruct(const ColmapJob& job, const Colma
 /// and little motion, incremental mapping can converge to the wrong one of the two.
 /// @return the folder of the reversed model if it fits clearly better; empty: it does not, or
 ///   COLMAP is the program, which does not support this
-std::filesystem::path reverse_depths(const ColmapJob& job, const std::filesystem::path& model,
+std::filesystem::path reverse_depths(const ColmapJob& job, const ColmapSettings& settings,
+                                     const std::filesystem::path& model,
                                      const std::filesystem::path& folder);
 
 }  // namespace jade::import

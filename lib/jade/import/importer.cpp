@@ -495,6 +495,7 @@ Stage poses_stage(const ImportOptions& options, Progressed& so_far) {
             const SearchResult result = find_poses(so_far.latent_folder, so_far.latents,
                                                    so_far.capture, options, folder / "colmap");
             keep_reconstruction(folder, result);
+            if (!result.warning.empty()) log_warn(result.warning);
             return said_of(result);
           },
           [&](const fs::path& folder) { so_far.found = load_reconstruction(folder); }};

@@ -41,6 +41,9 @@ constexpr double kClearlyBetter = 0.01;
 /// recording was a later attempt better than such a one, and each takes as long: after one of 82 %
 /// two worse ones followed.
 constexpr double kNearlyAll = 0.95, kWellExplained = 0.6;
+/// If the first attempt leaves out images, mapping is unstable: half of the models that the same
+/// matches of a shaking camera led to were 10 px off and explained 73 %, the others 79 %.
+constexpr double kSurelyExplained = 0.75;
 /// Number of frames used for checks.
 constexpr size_t kChecked = 8;
 /// Less motion between all frames counts as none, px.
@@ -48,9 +51,13 @@ constexpr double kStandingStill = 1;
 /// Points with a smaller angle between their outermost rays have no depth.
 constexpr double kLeastParallax_deg = 0.2;
 
-/// Deblurred images have fewer and weaker corners than photographs, and a handheld camera moves
-/// little: later attempts require less contrast, then less parallax. The images are already
-/// enlarged; enlarging them again finds corners of noise that take most of the time to match.
+/// COLMAP's mapping is random, so an attempt that leaves out images is repeated from the same
+/// matches, at most twice. The repetition holds an unknown focal length: a camera that moves along
+/// a line does not determine it, and then it drifts and images are left out
+/// (docs/engineering/import.md). Deblurred images have fewer and weaker corners than photographs,
+/// and a handheld camera moves little: later attempts require less contrast, then less parallax.
+/// The images are already enlarged; enlarging them again finds corners of noise that take most of
+/// the time to match.
 std::vector<ColmapSettings> attempts() {
   const std::vector<std::string> usual{"--SiftExtraction.first_octave", "0",
                                        "--SiftExtraction.max_num_features", "4000"};
@@ -69,6 +76,8 @@ std::vector<ColmapSettings> attempts() {
       "--Mapper.tri_min_angle",      "0.5", "--Mapper.min_num_matches",      "10"};
   narrow.insert(narrow.end(), bounded.begin(), bounded.end());
   return {{"usual", usual, {}, bounded},
+          {"repeated", usual, {}, bounded, true},
+          {"repeated_again", usual, {}, bounded, true},
           {"weak_corners", weak, guided, bounded},
           {"little_parallax", weak, guided, narrow}};
 }
@@ -260,6 +269,13 @@ bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
 bool is_good(const Attempt& a) {
   return double(a.registered) >= kNearlyAll * double(a.images) && explains_blur(a) &&
          a.explained_blur >= kWellExplained;
+}
+
+/// Whether no further attempt follows the first `made`, of which `a` is the best.
+bool is_enough(const Attempt& a, size_t made) {
+  if (!is_good(a)) return false;
+  if (made == 1) return a.registered == a.images;
+  return made > 2 || a.explained_blur >= kSurelyExplained;
 }
 
 std::string sentence(const Attempt& a) {
@@ -463,7 +479,7 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       found = std::move(r);
     }
     const fs::path reversed =
-        explains_blur(best) ? reverse_depths(job, best_model, folder) : fs::path();
+        explains_blur(best) ? reverse_depths(job, settings, best_model, folder) : fs::path();
     if (!reversed.empty()) {
       Reconstruction r = read_reconstruction(reversed, images, double(options.latents.upscale));
       Attempt attempt = attempt_of(settings.name, images.size(), r);
@@ -480,11 +496,16 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       result.best = std::move(found);
       chosen = best;
       result.chosen = result.attempts.size();
+      result.warning = settings.hold_focal_length && !capture.camera
+                           ? concat("poses: with a free focal length COLMAP left out images, so ",
+                                    readable(result.best.camera.fx, 3),
+                                    " px was assumed; pass --calibration if you have one")
+                           : "";
     }
     log_info(concat("  ", sentence(best), ", ", best.points, " points, ", best.observations,
                     " observations, error ", readable(best.error_px, 2), " px"));
     result.attempts.push_back(best);
-    if (is_good(best)) break;
+    if (is_enough(chosen, result.attempts.size())) break;
     // Two agreeing signs: the frames do not move, and COLMAP finds no initial pair.
     if (stands_still(motion) && best.registered == 0) break;
   }

@@ -50,7 +50,8 @@ struct Attempt {
 struct SearchResult {
   Reconstruction best;
   std::vector<Attempt> attempts;
-  size_t chosen = 0;  ///< index in attempts
+  size_t chosen = 0;    ///< index in attempts
+  std::string warning;  ///< about an assumed focal length, if not empty
 };
 
 /// Finds the poses of the images in LATENTS/images: makes several attempts and prefers one that
