@@ -275,7 +275,8 @@ TEST_CASE("programs: a folder that may not be read is named, with the exit code 
   const test::TempDir dir;
   test::write_tiny_dataset(dir / "closed/scene");
   fs::permissions(dir / "closed", fs::perms::none);
-  // Without these two capabilities permissions bind root too; it keeps access to LibTorch below /root.
+  // Without these two capabilities permissions bind root too; it keeps access to LibTorch below
+  // /root.
   const std::string bound =
       geteuid() == 0 ? "setpriv --bounding-set -dac_override,-dac_read_search " : "";
   for (const std::string call :

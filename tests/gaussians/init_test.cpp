@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "jade/core/error.h"
+#include "jade/gaussians/plane_sweep.h"
 #include "random_gaussians.h"
 #include "support/temp_dir.h"
 
@@ -91,6 +92,52 @@ TEST_CASE("init: random points lie in the frusta between near and far, with the 
   CHECK(torch::equal(random_frusta(sources, 500, again).points, cloud.points));
 }
 
+/// Five cameras 0.2 apart that look along z at a textured plane at depth 4.
+InitSources views_of_a_plane() {
+  at::Generator generator = make_generator(5, "texture");
+  const torch::Tensor texture =
+      at::avg_pool2d(at::rand({1, 3, 60, 140}, generator, torch::kFloat32), 5, 1, 2)[0];
+  InitSources sources;
+  for (int i = 0; i < 5; ++i) {
+    InitView view;
+    view.camera_from_world.translation = {-0.2 * i, 0, 0};
+    view.camera = Intrinsics::centred(100, 80, 60);
+    // One unit is 100 / 4 pixels.
+    view.image = texture.slice(2, 5 * i, 5 * i + 80).contiguous();
+    sources.views.push_back(view);
+  }
+  sources.near = 2;
+  sources.far = 20;
+  return sources;
+}
+
+TEST_CASE("init: a plane sweep finds the depth where the views agree", "[gaussians]") {
+  InitSources sources = views_of_a_plane();
+  const auto near_plane = [&](const PointCloud& cloud) {
+    const torch::Tensor inverse = 1 / cloud.points.select(1, 2);
+    return ((inverse - 0.25).abs() < 0.02).to(torch::kFloat32).mean().item<double>();
+  };
+  at::Generator generator = make_generator(2, "start");
+  const PointCloud cloud = plane_sweep(sources, 1000, generator);
+  CHECK(near_plane(cloud) > 0.5);
+  CHECK(near_plane(random_frusta(sources, 1000, generator)) < 0.2);
+
+  const int threads = torch::get_num_threads();
+  torch::set_num_threads(1);
+  at::Generator again = make_generator(2, "start");
+  const PointCloud alone = plane_sweep(sources, 1000, again);
+  torch::set_num_threads(threads);
+  CHECK(alone.points.equal(cloud.points));
+  CHECK(alone.colors.equal(cloud.colors));
+
+  // Depths are random where fewer than three views see a point; colours are those of the views.
+  sources = two_views();
+  const PointCloud random = plane_sweep(sources, 500, generator);
+  CHECK(random.points.select(1, 2).min().item<float>() < 2.3);
+  CHECK(random.points.select(1, 2).max().item<float>() > 8);
+  CHECK(torch::allclose(random.colors.select(1, 1), torch::full({500}, 0.25f)));
+}
+
 TEST_CASE("init: a point takes no colour from a view that it lies behind", "[gaussians]") {
   InitSources sources = two_views();
   sources.views[0].camera_from_world = {};
@@ -130,6 +177,16 @@ TEST_CASE("init: kinds pick their source and say what is missing", "[gaussians]"
   const splat::Gaussians part = initial_gaussians(options, sources, generator, 60);
   CHECK(part.size() == 60);
   CHECK(std::get<0>(torch::unique_dim(part.means, 0)).size(0) == 60);  // none twice
+  for (const auto kind : {InitKind::kAuto, InitKind::kSfmOrRandom}) {
+    InitSources bare = sources;
+    bare.points = {};
+    options.kind = kind;
+    at::Generator first = make_generator(2, "start"), second = make_generator(2, "start");
+    const PointCloud cloud =
+        kind == InitKind::kAuto ? plane_sweep(bare, 50, first) : random_frusta(bare, 50, first);
+    CHECK(initial_gaussians(options, bare, second).means.equal(cloud.points));
+    CHECK(initial_gaussians(options, sources, second).size() == 198);
+  }
   options.kind = InitKind::kRandomFrusta;
   CHECK(initial_gaussians(options, sources, generator).size() == 50);
   CHECK(initial_gaussians(options, sources, generator, 20).size() == 20);

@@ -11,6 +11,7 @@
 #include "jade/core/random.h"
 #include "jade/core/readable.h"
 #include "jade/gaussians/neighbours.h"
+#include "jade/gaussians/plane_sweep.h"
 #include "jade/gaussians/scene_file.h"
 #include "jade/splat/math/sh.h"
 
@@ -141,25 +142,32 @@ splat::Gaussians gaussians_from_points(const PointCloud& cloud) {
   return g;
 }
 
-PointCloud random_frusta(const InitSources& sources, int64_t count, at::Generator& generator) {
-  JADE_CHECK(!sources.views.empty(), "random_frusta: expected at least one view");
+void check_frusta(const InitSources& sources) {
+  JADE_CHECK(!sources.views.empty(), "sampled points: expected at least one view");
   JADE_CHECK(sources.near > 0 && sources.far > sources.near,
-             "random_frusta: expected 0 < near < far, found ", sources.near, " and ", sources.far);
+             "sampled points: expected 0 < near < far, found ", sources.near, " and ", sources.far);
+}
+
+Vector3 point_in_frustum(const InitSources& sources, const Vector3& draw, double share) {
+  const InitView& view =
+      sources.views[static_cast<size_t>(draw[0] * static_cast<double>(sources.views.size()))];
+  const double inverse = 1 / sources.far + share * (1 / sources.near - 1 / sources.far);
+  const Vector3 ray =
+      geometry::unproject(view.camera, draw[1] * static_cast<double>(view.camera.width),
+                          draw[2] * static_cast<double>(view.camera.height));
+  return geometry::transform(geometry::inverse(view.camera_from_world),
+                             {ray[0] / inverse, ray[1] / inverse, ray[2] / inverse});
+}
+
+PointCloud random_frusta(const InitSources& sources, int64_t count, at::Generator& generator) {
+  check_frusta(sources);
   const torch::Tensor draws = at::rand({count, 4}, generator, torch::kFloat64);
   const double* draw = draws.const_data_ptr<double>();
   PointCloud cloud;
   cloud.points = torch::empty({count, 3}, torch::kFloat32);
   auto* point = cloud.points.mutable_data_ptr<float>();
-  const auto views = static_cast<double>(sources.views.size());
   for (int64_t i = 0; i < count; ++i, draw += 4) {
-    const InitView& view = sources.views[static_cast<size_t>(draw[0] * views)];
-    const double inverse = 1 / sources.far + draw[3] * (1 / sources.near - 1 / sources.far);
-    const Vector3 ray =
-        geometry::unproject(view.camera, draw[1] * static_cast<double>(view.camera.width),
-                            draw[2] * static_cast<double>(view.camera.height));
-    const Vector3 world =
-        geometry::transform(geometry::inverse(view.camera_from_world),
-                            {ray[0] / inverse, ray[1] / inverse, ray[2] / inverse});
+    const Vector3 world = point_in_frustum(sources, {draw[0], draw[1], draw[2]}, draw[3]);
     for (size_t a = 0; a < 3; ++a)
       point[3 * i + static_cast<int64_t>(a)] = static_cast<float>(world[a]);
   }
@@ -211,17 +219,21 @@ splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources
     return scene;
   }
   if (options.kind == InitKind::kSfm && found == 0) {
-    throw ConfigError("init.kind is sfm but the data set has no points: use random_frusta");
+    throw ConfigError("init.kind is sfm but the data set has no points: use auto");
   }
-  if (options.kind == InitKind::kSfm ||
-      (options.kind == InitKind::kAuto && found >= kFewestSfmPoints)) {
+  const bool prefers_sfm =
+      options.kind == InitKind::kAuto || options.kind == InitKind::kSfmOrRandom;
+  if (options.kind == InitKind::kSfm || (prefers_sfm && found >= kFewestSfmPoints)) {
     return start_at(sfm_points(sources));
   }
   if (!(sources.near > 0 && sources.far > sources.near)) {
-    throw ConfigError(concat("init.kind random_frusta needs depth bounds 0 < near < far, found ",
-                             sources.near, " and ", sources.far));
+    throw ConfigError(concat("init.kind ", word_of(options.kind),
+                             " needs depth bounds 0 < near < far, found ", sources.near, " and ",
+                             sources.far));
   }
-  return start_at(random_frusta(sources, std::min(options.points, at_most), generator));
+  const bool sweep = options.kind == InitKind::kAuto || options.kind == InitKind::kPlaneSweep;
+  return start_at(
+      (sweep ? plane_sweep : random_frusta)(sources, std::min(options.points, at_most), generator));
 }
 
 }  // namespace jade::gaussians

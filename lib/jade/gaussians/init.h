@@ -17,13 +17,18 @@
 namespace jade::gaussians {
 
 /// Source of the initial Gaussians.
-enum class InitKind { kAuto, kSfm, kRandomFrusta, kPly };
+enum class InitKind { kAuto, kSfm, kPlaneSweep, kRandomFrusta, kSfmOrRandom, kPly };
 
 constexpr auto words_of(InitKind) {
-  return std::array{Word{"auto", InitKind::kAuto, "sfm if there are points, else random_frusta"},
-                    Word{"sfm", InitKind::kSfm, "points of the data set"},
-                    Word{"random_frusta", InitKind::kRandomFrusta, "sampled in the viewing frusta"},
-                    Word{"ply", InitKind::kPly, "init.ply"}};
+  return std::array{
+      Word{"auto", InitKind::kAuto, "sfm if there are points, else plane_sweep"},
+      Word{"sfm", InitKind::kSfm, "points of the data set"},
+      Word{"plane_sweep", InitKind::kPlaneSweep,
+           "sampled in the viewing frusta, at the depths where the views agree best"},
+      Word{"random_frusta", InitKind::kRandomFrusta,
+           "sampled in the viewing frusta, at random depths"},
+      Word{"sfm_or_random", InitKind::kSfmOrRandom, "sfm if there are points, else random_frusta"},
+      Word{"ply", InitKind::kPly, "init.ply"}};
 }
 
 struct InitOptions {
@@ -41,7 +46,7 @@ void describe(V& v, InitOptions& o) {
   v.field("ply", o.ply,
           "Gaussians (.ply, .spz, .sog, .glb, .gltf or .splat) or coloured points (.ply) to start "
           "from (kind ply)");
-  v.field("points", o.points, "number of points for random_frusta", Range{1, 1e8});
+  v.field("points", o.points, "number of points for plane_sweep and random_frusta", Range{1, 1e8});
   v.fixed("opacity", kStartOpacity);
   v.fixed("scale", 1);
 }
@@ -56,7 +61,7 @@ struct InitView {
 /// Data available to the initialisation.
 struct InitSources {
   std::vector<InitView> views;
-  double near = 0, far = 0;  ///< depth range of random_frusta, world units
+  double near = 0, far = 0;  ///< depth range of sampled points, world units
   PointCloud points;         ///< SfM points; tensors may be undefined
   /// Origin of views and points in the data set's own coordinates, which init.ply uses.
   geometry::Vector3 origin{0, 0, 0};
@@ -73,6 +78,15 @@ torch::Tensor mean_squared_neighbour_distance(const torch::Tensor& points);
 /// to the 3 nearest, at least 1e-7), identity rotation, opacity kStartOpacity, SH degree 3 with
 /// zeros beyond degree 0.
 splat::Gaussians gaussians_from_points(const PointCloud& cloud);
+
+/// @throws Error unless there are views and 0 < near < far.
+void check_frusta(const InitSources& sources);
+
+/// A point in the frustum of a view, world units.
+/// @param draw   view, column and row as shares of their numbers, in [0,1)
+/// @param share  inverse depth: 0 far, 1 near
+geometry::Vector3 point_in_frustum(const InitSources& sources, const geometry::Vector3& draw,
+                                   double share);
 
 /// Samples points uniformly over the views and their pixels and uniformly in inverse depth between
 /// near and far; their colour is the mean over the views that see them.

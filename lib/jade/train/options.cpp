@@ -56,6 +56,7 @@ RunOptions printed_options() {
   options.poses.start = PoseStart::kLine;
   options.poses.control_poses = 4;
   options.poses.lr = 1e-3;
+  options.init.kind = gaussians::InitKind::kSfmOrRandom;
   options.optim.position_lr_start = 1.6e-4;
   options.optim.sh_dc_lr = 2.5e-3;
   options.optim.opacity_lr = 0.05;

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/gaussians/plane_sweep.h"
+
+#include <ATen/Parallel.h>
+#include <ATen/ops/avg_pool2d.h>
+#include <ATen/ops/rand.h>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "jade/core/check.h"
+
+namespace jade::gaussians {
+namespace {
+
+using geometry::Vector3;
+
+/// Views that are compared, spread over the data set.
+constexpr size_t kMostViews = 64;
+constexpr int kFewestViews = 3;
+/// Images are reduced to about this width, then averaged over kPatch x kPatch pixels.
+constexpr int64_t kWidth = 240, kPatch = 5;
+/// Depths up to this factor of the least variance, and this much above it, agree as well.
+constexpr double kFactor = 1.5, kNoise = 1e-4;
+
+struct Compared {
+  const InitView* view;
+  torch::Tensor image;  ///< [3,h,w], reduced and averaged
+  double scale;         ///< pixels of the view per pixel of `image`
+};
+
+Compared reduced(const InitView& view) {
+  const int64_t factor = std::max<int64_t>(1, view.image.size(2) / kWidth);
+  torch::Tensor image = view.image.detach().to(torch::kCPU, torch::kFloat32).unsqueeze(0);
+  image = at::avg_pool2d(image, factor, factor, 0, /*ceil_mode=*/true, false);
+  image = at::avg_pool2d(image, kPatch, 1, kPatch / 2, false, /*count_include_pad=*/false);
+  return {&view, image[0].contiguous(), double(factor)};
+}
+
+std::vector<Compared> compared(const std::vector<InitView>& views) {
+  const size_t count = std::min(views.size(), kMostViews);
+  std::vector<Compared> result;
+  for (size_t i = 0; i < count; ++i) result.push_back(reduced(views[i * views.size() / count]));
+  return result;
+}
+
+struct Agreement {
+  std::array<float, 3> color{};  ///< mean of the views
+  /// Sample variance, mean of the channels; infinite for fewer than kFewestViews views.
+  double variance = std::numeric_limits<double>::infinity();
+};
+
+Agreement agreement_at(const Vector3& point, const std::vector<Compared>& views) {
+  std::array<double, 3> sum{}, squares{};
+  int seen = 0;
+  for (const Compared& c : views) {
+    const Vector3 x = geometry::transform(c.view->camera_from_world, point);
+    if (!(x[2] > 0)) continue;
+    const auto uv = geometry::project(c.view->camera, x);
+    if (!(uv[0] >= 0 && uv[1] >= 0 && uv[0] < double(c.view->camera.width) &&
+          uv[1] < double(c.view->camera.height))) {
+      continue;
+    }
+    const int64_t height = c.image.size(1), width = c.image.size(2);
+    const int64_t row = std::min(int64_t(uv[1] / c.scale), height - 1);
+    const float* pixel = c.image.const_data_ptr<float>() + row * width +
+                         std::min(int64_t(uv[0] / c.scale), width - 1);
+    for (size_t k = 0; k < 3; ++k, pixel += height * width) {
+      sum[k] += *pixel;
+      squares[k] += double(*pixel) * *pixel;
+    }
+    ++seen;
+  }
+  Agreement result;
+  for (size_t k = 0; k < 3; ++k) result.color[k] = float(sum[k] / std::max(seen, 1));
+  if (seen < kFewestViews) return result;
+  result.variance = 0;
+  for (size_t k = 0; k < 3; ++k) {
+    result.variance += std::max(squares[k] - sum[k] * sum[k] / seen, 0.0) / (seen - 1) / 3;
+  }
+  return result;
+}
+
+}  // namespace
+
+PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator& generator) {
+  check_frusta(sources);
+  const std::vector<Compared> views = compared(sources.views);
+  // [count,5] per point: view, column, row, offset of the depths, choice among those that agree.
+  const torch::Tensor draws = at::rand({count, 5}, generator, torch::kFloat64);
+  PointCloud cloud{torch::empty({count, 3}), torch::empty({count, 3})};
+  const double* all_draws = draws.const_data_ptr<double>();
+  auto* points = cloud.points.mutable_data_ptr<float>();
+  auto* colors = cloud.colors.mutable_data_ptr<float>();
+  at::parallel_for(0, count, 64, [&](int64_t begin, int64_t end) {
+    std::array<Vector3, kSweptDepths> swept;
+    std::array<Agreement, kSweptDepths> agreements;
+    for (int64_t i = begin; i < end; ++i) {
+      const double* draw = all_draws + 5 * i;
+      double least = std::numeric_limits<double>::infinity();
+      for (size_t k = 0; k < kSweptDepths; ++k) {
+        const double share = (double(k) + draw[3]) / double(kSweptDepths);
+        swept[k] = point_in_frustum(sources, {draw[0], draw[1], draw[2]}, share);
+        agreements[k] = agreement_at(swept[k], views);
+        least = std::min(least, agreements[k].variance);
+      }
+      std::array<size_t, kSweptDepths> good{};
+      size_t found = 0;
+      for (size_t k = 0; k < kSweptDepths; ++k) {
+        if (agreements[k].variance <= kFactor * least + kNoise) good[found++] = k;
+      }
+      const size_t chosen = good[std::min(size_t(draw[4] * double(found)), found - 1)];
+      for (size_t a = 0; a < 3; ++a) {
+        points[3 * i + int64_t(a)] = float(swept[chosen][a]);
+        colors[3 * i + int64_t(a)] = agreements[chosen].color[a];
+      }
+    }
+  });
+  return cloud;
+}
+
+}  // namespace jade::gaussians
