@@ -141,8 +141,9 @@ checkpoint: {keep: 2}
                       Catch::Contains(line.substr(0, line.find(':')) + ": expected ") &&
                           Catch::Contains("CHANGELOG.md"));
   }
-  for (const Field& field : fields_of(options).fields()) {
-    CHECK(fields_of(options).fixed_value(field.key) == nullptr);
+  auto fields = fields_of(options);
+  for (const Field& field : fields.fields()) {
+    CHECK(fields.fixed_value(field.key) == nullptr);
   }
 }
 

@@ -110,9 +110,9 @@ TEST_CASE("step graph: plans that alternate are replayed, each from its own reco
   GraphBench recorded(scene, GraphCase{true}), eager(scene, GraphCase{true});
   // The routing step is taken at every other step.
   const auto plan = [](const GraphBench& bench, int64_t step) {
-    train::StepPlan plan = bench.plan(step);
-    plan.route = plan.route && step % 2 == 1;
-    return plan;
+    train::StepPlan found = bench.plan(step);
+    found.route = found.route && step % 2 == 1;
+    return found;
   };
   train::StepGraph graph;
   for (int64_t step = 21; step < 33; ++step) {
