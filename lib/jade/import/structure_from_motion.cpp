@@ -41,9 +41,8 @@ constexpr double kClearlyBetter = 0.01;
 /// recording was a later attempt better than such a one, and each takes as long: after one of 82 %
 /// two worse ones followed.
 constexpr double kNearlyAll = 0.95, kWellExplained = 0.6;
-/// If the first attempt leaves out images, mapping is unstable: half of the models that the same
-/// matches of a shaking camera led to were 10 px off and explained 73 %, the others 79 %.
-constexpr double kSurelyExplained = 0.75;
+/// On a shaking path images share 0.5 to 0.9 of their points with their neighbours.
+constexpr double kLeastShared = 0.25;
 /// Number of frames used for checks.
 constexpr size_t kChecked = 8;
 /// Less motion between all frames counts as none, px.
@@ -52,7 +51,7 @@ constexpr double kStandingStill = 1;
 constexpr double kLeastParallax_deg = 0.2;
 
 /// COLMAP's mapping is random, so an attempt that leaves out images is repeated from the same
-/// matches, at most twice. The repetition holds an unknown focal length: a camera that moves along
+/// matches. The repetition holds an unknown focal length: a camera that moves along
 /// a line does not determine it, and then it drifts and images are left out
 /// (docs/engineering/import.md). Deblurred images have fewer and weaker corners than photographs,
 /// and a handheld camera moves little: later attempts require less contrast, then less parallax.
@@ -77,7 +76,6 @@ std::vector<ColmapSettings> attempts() {
   narrow.insert(narrow.end(), bounded.begin(), bounded.end());
   return {{"usual", usual, {}, bounded},
           {"repeated", usual, {}, bounded, true},
-          {"repeated_again", usual, {}, bounded, true},
           {"weak_corners", weak, guided, bounded},
           {"little_parallax", weak, guided, narrow}};
 }
@@ -151,12 +149,37 @@ double distance_between(const geometry::Vector3& a, const geometry::Vector3& b) 
   return std::sqrt(sum);
 }
 
+/// Share of the points that pose `i` sees and a neighbour in time sees too.
+double shared_points(const Reconstruction& r, size_t i) {
+  int64_t own = 0, shared = 0;
+  for (const std::vector<int64_t>& seen : r.seen_by) {
+    const auto sees = [&](size_t pose) {
+      return std::find(seen.begin(), seen.end(), static_cast<int64_t>(pose)) != seen.end();
+    };
+    if (!sees(i)) continue;
+    ++own;
+    shared += sees(i - 1) || sees(i + 1) ? 1 : 0;
+  }
+  return own > 0 ? double(shared) / double(own) : 0;
+}
+
+void remove_pose(Reconstruction& r, size_t i) {
+  r.poses.erase(r.poses.begin() + static_cast<std::ptrdiff_t>(i));
+  const auto gone = static_cast<int64_t>(i);
+  for (std::vector<int64_t>& seen : r.seen_by) {
+    seen.erase(std::remove(seen.begin(), seen.end(), gone), seen.end());
+    for (int64_t& pose : seen) pose -= pose > gone ? 1 : 0;
+  }
+}
+
 /// Removes images that were registered to another part of a repeating texture: each, the worst
-/// first, that is ten times as far from the line between its neighbours in time as is usual, and
-/// three times as far as they are apart. Few poses do not determine what is usual.
-void drop_strays(std::vector<TimedPose>& poses) {
+/// first, that is ten times as far from the line between its neighbours in time as is usual, three
+/// times as far as they are apart, and sees other points than they do. An image at the turn of a
+/// shake is as far off, but sees their points. Few poses do not determine what is usual.
+void drop_strays(Reconstruction& r) {
   constexpr size_t kFew = 8;
-  while (poses.size() > kFew) {
+  while (r.poses.size() > kFew) {
+    const std::vector<TimedPose>& poses = r.poses;
     std::vector<double> off{0}, steps;
     for (size_t i = 0; i + 1 < poses.size(); ++i) {
       const geometry::Vector3 here = geometry::centre(poses[i].pose);
@@ -170,9 +193,13 @@ void drop_strays(std::vector<TimedPose>& poses) {
       for (size_t k = 0; k < 3; ++k) between[k] = before[k] + part * (after[k] - before[k]);
       off.push_back(distance_between(here, between));
     }
-    const auto worst = std::max_element(off.begin(), off.end());
-    if (*worst <= std::max(10 * median(off), 3 * median(steps))) return;
-    poses.erase(poses.begin() + (worst - off.begin()));
+    const double limit = std::max(10 * median(off), 3 * median(steps));
+    size_t worst = 0;
+    for (size_t i = 1; i < off.size(); ++i) {
+      if (off[i] > std::max(limit, off[worst]) && shared_points(r, i) < kLeastShared) worst = i;
+    }
+    if (worst == 0) return;
+    remove_pose(r, worst);
   }
 }
 
@@ -273,9 +300,7 @@ bool is_good(const Attempt& a) {
 
 /// Whether no further attempt follows the first `made`, of which `a` is the best.
 bool is_enough(const Attempt& a, size_t made) {
-  if (!is_good(a)) return false;
-  if (made == 1) return a.registered == a.images;
-  return made > 2 || a.explained_blur >= kSurelyExplained;
+  return is_good(a) && (made > 1 || a.registered == a.images);
 }
 
 std::string sentence(const Attempt& a) {
@@ -411,13 +436,6 @@ Reconstruction read_reconstruction(const fs::path& model, const std::vector<Late
   if (r.poses.empty()) return r;
   std::sort(r.poses.begin(), r.poses.end(),
             [](const TimedPose& a, const TimedPose& b) { return a.t_us < b.t_us; });
-  drop_strays(r.poses);
-  for (auto image = by_id.begin(); image != by_id.end();) {
-    const bool kept = std::any_of(r.poses.begin(), r.poses.end(), [&](const TimedPose& p) {
-      return p.t_us == image->second->t_us && p.shot == image->second->shot;
-    });
-    image = kept ? std::next(image) : by_id.erase(image);
-  }
   const auto index_of = [&](int64_t id) {
     const int64_t t = by_id.at(id)->t_us;
     return std::lower_bound(r.poses.begin(), r.poses.end(), t,
@@ -432,6 +450,7 @@ Reconstruction read_reconstruction(const fs::path& model, const std::vector<Late
       ++r.poses[static_cast<size_t>(r.seen_by.back().back())].observations;
     }
   }
+  drop_strays(r);
   const io::ColmapCamera& camera = found.cameras.front();
   const auto whole = [&](int64_t size) { return std::llround(double(size) / scale); };
   r.camera = geometry::Intrinsics::centred(camera.parameters[0] / scale, whole(camera.width),
