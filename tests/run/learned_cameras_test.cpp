@@ -97,6 +97,22 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
   CHECK(error_px(ended.test[0].pose, view.pose, view) < 1e-3);
   CHECK(error_px(finished.test[0].pose, fitted.test[0].pose, view) < 1e-3);
 
+  // Views are fitted together, and none acts on another.
+  data::Dataset more = dataset;
+  more.test.push_back(view);
+  more.test.back().pose = nudged(truth, -0.01, 0.02);
+  more.test.push_back(view);
+  more.test.back().image = view.image * 0.5;
+  more.test.back().gain = 0.5;
+  const data::Dataset together = run::with_learned_poses(more, unmoved, gaussians, {200}, {});
+  CHECK(error_px(together.test[0].pose, fitted.test[0].pose, view) < 0.02);
+  for (size_t i = more.test.size() - 2; i < more.test.size(); ++i) {
+    CHECK(psnr_from(together.test[i].pose) > psnr_from(more.test[i].pose) + 10);
+  }
+  const data::Dataset brightened =
+      run::with_learned_poses(more, unmoved, gaussians, {200, /*gain=*/true}, {});
+  CHECK(psnr_from(brightened.test.back().pose) > psnr_from(view.pose) + 10);
+
   // The fit of a later scene continues from there: it needs no step if nothing changed.
   run::PoseFit warm;
   warm.from = &fitted;

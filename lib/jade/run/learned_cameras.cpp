@@ -14,9 +14,9 @@
 #include "jade/geometry/origin.h"
 #include "jade/geometry/quadrature.h"
 #include "jade/geometry/se3.h"
+#include "jade/geometry/trajectory.h"
 #include "jade/imaging/ssim.h"
 #include "jade/losses/poses.h"
-#include "jade/run/evaluate.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/view.h"
 
@@ -25,6 +25,9 @@ namespace {
 
 /// Weight of SSIM in the loss of the fit, as in the published 3DGS.
 constexpr double kFitDssim = 0.2;
+
+/// Renders per call of the fit: those of a held-out exposure.
+constexpr size_t kMostRenders = geometry::kExposurePoses;
 
 /// A picture of the scene along a path: a sharp view from one pose, a blurry one from several.
 struct Sight {
@@ -36,60 +39,145 @@ struct Sight {
   std::optional<double> gain;   ///< of the image; no value: fitted
 };
 
-/// The render with the image's brightness and mask.
-torch::Tensor as_in_image(const torch::Tensor& render, const torch::Tensor& image,
-                          const torch::Tensor& mask, const std::optional<double>& gain) {
-  const torch::Tensor shown = mask.defined() ? render * mask : render;
-  if (!gain) return shown * fitted_gain(shown.detach(), image);
-  return *gain == 1 ? shown : shown * *gain;
+/// Sights of one size and number of poses, on the device of the render.
+struct SightBatch {
+  splat::CameraBatch cameras;  ///< of N sights with P poses each: [N*P,4,4]
+  torch::Tensor path;          ///< [N,P,4,4] float64, the poses at the start
+  torch::Tensor weights;       ///< [P] float64
+  std::vector<imaging::SsimTarget> targets;
+  std::vector<torch::Tensor> masks;  ///< float32, undefined without one
+  std::vector<std::optional<double>> gains;
+};
+
+bool may_share_batch(const Sight& a, const Sight& b) {
+  return a.camera.width == b.camera.width && a.camera.height == b.camera.height &&
+         a.weights == b.weights;
 }
 
-/// Moves the whole path to minimise the difference between the render and the image, starting at
-/// the given path.
-std::vector<geometry::Pose> fitted(const Sight& sight, const splat::Gaussians& gaussians,
-                                   int64_t steps, const splat::RenderOptions& render,
-                                   Progress& progress, bool may_end) {
-  const torch::Device device = gaussians.means.device();
-  std::vector<torch::Tensor> start;
-  for (const geometry::Pose& pose : sight.path) {
-    start.push_back(geometry::to_tensor(geometry::inverse(pose)));
+SightBatch batch_of(const std::vector<Sight>& sights, torch::Device device) {
+  SightBatch batch;
+  std::vector<torch::Tensor> paths, intrinsics;
+  for (const Sight& sight : sights) {
+    const splat::CameraBatch own = train::camera_batch(sight.path, sight.camera, device);
+    paths.push_back(geometry::to_tensor(sight.path));
+    intrinsics.push_back(own.intrinsics);
+    batch.cameras.width = own.width;
+    batch.cameras.height = own.height;
+    torch::Tensor image = sight.image.to(device), mask;
+    if (sight.mask.defined()) {
+      mask = sight.mask.to(device, torch::kFloat32);
+      image = image * mask;
+    }
+    batch.targets.push_back(imaging::ssim_target(image));
+    batch.masks.push_back(mask);
+    batch.gains.push_back(sight.gain);
   }
-  const torch::Tensor weights = torch::tensor(sight.weights, torch::kFloat64).to(device);
-  torch::Tensor mask, image = sight.image.to(device);
-  if (sight.mask.defined()) {
-    mask = sight.mask.to(device, torch::kFloat32);
-    image = image * mask;
+  batch.path = torch::stack(paths).to(device, torch::kFloat64);
+  batch.cameras.intrinsics = torch::cat(intrinsics);
+  batch.weights = torch::tensor(sights[0].weights, torch::kFloat64).to(device);
+  return batch;
+}
+
+/// The rendered picture of a sight with its image's brightness and mask.
+torch::Tensor as_in_image(const SightBatch& batch, size_t sight, const torch::Tensor& picture) {
+  const torch::Tensor& mask = batch.masks[sight];
+  const torch::Tensor shown = mask.defined() ? picture * mask : picture;
+  const std::optional<double>& gain = batch.gains[sight];
+  if (gain) return *gain == 1 ? shown : shown * *gain;
+  const torch::Tensor constant = shown.detach();
+  return shown *
+         ((constant * batch.targets[sight].image).sum() / constant.square().sum().clamp_min(1e-12));
+}
+
+/// The loss of each sight, [N], and their sum, for cameras that receive a gradient.
+imaging::L1SsimSum losses_of(const SightBatch& batch, const splat::CameraBatch& cameras,
+                             const splat::Gaussians& gaussians,
+                             const splat::RenderOptions& render) {
+  const torch::Tensor renders = splat::render(gaussians, cameras, render).color;
+  const int64_t poses = batch.path.size(1);
+  std::vector<imaging::L1SsimTerm> terms;
+  for (size_t i = 0; i < batch.targets.size(); ++i) {
+    const auto first = static_cast<int64_t>(i) * poses;
+    const torch::Tensor picture =
+        poses == 1 ? renders[first]
+                   : losses::weighted_mean(renders.narrow(0, first, poses), batch.weights);
+    terms.push_back({{{as_in_image(batch, i, picture), batch.targets[i]}}, 1, {}});
   }
-  const imaging::SsimTarget target = imaging::ssim_target(image);
-  splat::CameraBatch camera = train::camera_batch(sight.path, sight.camera, device);
-  torch::Tensor twist = torch::zeros({6}, torch::kFloat64).requires_grad_();
+  return imaging::l1_ssim_sum(terms, kFitDssim);
+}
+
+/// Derivative of the loss with respect to a twist δ of each sight at 0, where each of its cameras
+/// is exp(-δ) · camera_from_world: [N,6] float64.
+/// @param cameras   [N,P,4,4] float64
+/// @param gradient  of the loss with respect to them, the same shape
+torch::Tensor twist_gradient(const torch::Tensor& cameras, const torch::Tensor& gradient) {
+  const torch::Tensor g = gradient.narrow(2, 0, 3), m = cameras.narrow(2, 0, 3);
+  const torch::Tensor turn = at::linalg_cross(m, g, 2).sum({1, 3});
+  return -torch::cat({g.select(3, 3).sum(1), turn}, 1);
+}
+
+/// Moves the path of each sight as one body to minimise the difference between the render and the
+/// image. Sights do not act on one another. The host never waits for the device.
+std::vector<std::vector<geometry::Pose>> fitted(const std::vector<Sight>& sights,
+                                                const splat::Gaussians& gaussians, int64_t steps,
+                                                const splat::RenderOptions& render,
+                                                Progress& progress, bool may_end) {
+  SightBatch batch = batch_of(sights, gaussians.means.device());
+  const auto count = static_cast<int64_t>(sights.size());
+  const auto kind = batch.path.options();
+  torch::Tensor path = batch.path, best = path, twist = torch::zeros({count, 6}, kind);
+  torch::Tensor least = torch::full({count}, std::numeric_limits<double>::infinity(), kind);
   train::PoseOptions schedule;
   schedule.lr = 1e-3;
   schedule.lr_max_steps = std::max<int64_t>(1, steps);
   train::ModuleAdam adam({twist}, schedule.lr);
-  std::vector<geometry::Pose> best = sight.path;
-  double least = std::numeric_limits<double>::infinity();
   for (int64_t step = 1; step <= steps && !(may_end && interrupt_requested()); ++step) {
-    std::vector<torch::Tensor> poses;
-    for (const torch::Tensor& each : start) {
-      poses.push_back(geometry::se3_inverse(each.matmul(geometry::se3_exp(twist))));
-    }
-    camera.camera_from_world = torch::stack(poses).to(device, torch::kFloat32);
-    const torch::Tensor renders = splat::render(gaussians, camera, render).color;
-    const torch::Tensor mean =
-        poses.size() == 1 ? renders[0] : losses::weighted_mean(renders, weights);
-    const torch::Tensor loss =
-        imaging::l1_ssim(as_in_image(mean, image, mask, sight.gain), target, kFitDssim);
-    if (const double value = loss.item<double>(); value < least) {
-      least = value;
-      for (size_t k = 0; k < poses.size(); ++k) best[k] = geometry::pose_from_tensor(poses[k]);
-    }
-    adam.zero_grad();
-    loss.backward();
+    batch.cameras.camera_from_world =
+        path.flatten(0, 1).to(torch::kFloat32).contiguous().requires_grad_();
+    const imaging::L1SsimSum loss = losses_of(batch, batch.cameras, gaussians, render);
+    loss.total.backward();
+    const torch::NoGradGuard no_grad;
+    const torch::Tensor now = loss.terms.detach().to(torch::kFloat64);
+    best = torch::where((now < least).view({count, 1, 1, 1}), path, best);
+    least = torch::minimum(least, now);
+    twist.mutable_grad() = twist_gradient(
+        path, batch.cameras.camera_from_world.grad().view(path.sizes()).to(torch::kFloat64));
+    twist.zero_();
     adam.step(train::pose_lr(schedule, step));
-    if (progress.step()) progress.show();
+    path = geometry::se3_exp(-twist).unsqueeze(1).matmul(path);
+    if (progress.step(count)) progress.show();
   }
-  return best;
+  const torch::Tensor found = best.cpu();
+  std::vector<std::vector<geometry::Pose>> paths(sights.size());
+  for (int64_t i = 0; i < count; ++i) {
+    for (int64_t k = 0; k < found.size(1); ++k) {
+      paths[static_cast<size_t>(i)].push_back(geometry::pose_from_tensor(found[i][k]));
+    }
+  }
+  return paths;
+}
+
+/// fitted() for any sights, as many at once as one call may render.
+std::vector<std::vector<geometry::Pose>> all_fitted(const std::vector<Sight>& sights,
+                                                    const splat::Gaussians& gaussians,
+                                                    int64_t steps,
+                                                    const splat::RenderOptions& render,
+                                                    bool may_end) {
+  Progress progress("fitting poses", static_cast<int64_t>(sights.size()) * steps);
+  std::vector<std::vector<geometry::Pose>> paths;
+  for (size_t begin = 0; begin < sights.size();) {
+    std::vector<Sight> some{sights[begin]};
+    const size_t most = std::max<size_t>(1, kMostRenders / sights[begin].path.size());
+    while (begin + some.size() < sights.size() && some.size() < most &&
+           may_share_batch(sights[begin], sights[begin + some.size()])) {
+      some.push_back(sights[begin + some.size()]);
+    }
+    for (auto& path : fitted(some, gaussians, steps, render, progress, may_end)) {
+      paths.push_back(std::move(path));
+    }
+    begin += some.size();
+  }
+  return paths;
 }
 
 /// The test views, then the nine poses of each training exposure, then of each held-out one.
@@ -142,28 +230,34 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
     after.push_back(exposure.poses[geometry::kMidPose]);
   }
   const geometry::Similarity drift = geometry::align_cameras(before, after);
-  const auto views = static_cast<int64_t>(learned.test.size() + learned.held_out.size());
-  Progress progress("fitting poses", views * fit.steps);
   const auto gain_of = [&](double gain) {
     return fit.gain ? std::nullopt : std::optional<double>(gain);
   };
+  std::vector<Sight> sights;
   for (size_t i = 0; i < learned.test.size(); ++i) {
-    data::SharpView& view = learned.test[i];
-    view.pose = geometry::moved(from.test[i].pose, drift);
-    view.pose = fitted({view.image, view.camera, {view.pose}, {1.0}, view.mask, gain_of(view.gain)},
-                       gaussians, fit.steps, render, progress, may_end)[0];
+    const data::SharpView& view = learned.test[i];
+    sights.push_back({view.image,
+                      view.camera,
+                      {geometry::moved(from.test[i].pose, drift)},
+                      {1.0},
+                      view.mask,
+                      gain_of(view.gain)});
   }
   for (size_t i = 0; i < learned.held_out.size(); ++i) {
-    data::Exposure& exposure = learned.held_out[i];
+    const data::Exposure& exposure = learned.held_out[i];
     std::vector<geometry::Pose> path;
     for (const geometry::Pose& pose : from.held_out[i].poses) {
       path.push_back(geometry::moved(pose, drift));
     }
     const auto moments = geometry::quadrature(geometry::QuadratureRule::kTrapezoid, path.size());
-    const auto found = fitted({exposure.blurry, exposure.camera, path, moments.weights,
-                               exposure.mask, gain_of(exposure.gain)},
-                              gaussians, fit.steps, render, progress, may_end);
-    std::copy(found.begin(), found.end(), exposure.poses.begin());
+    sights.push_back({exposure.blurry, exposure.camera, std::move(path), moments.weights,
+                      exposure.mask, gain_of(exposure.gain)});
+  }
+  const auto paths = all_fitted(sights, gaussians, fit.steps, render, may_end);
+  for (size_t i = 0; i < learned.test.size(); ++i) learned.test[i].pose = paths[i][0];
+  for (size_t i = 0; i < learned.held_out.size(); ++i) {
+    const auto& found = paths[learned.test.size() + i];
+    std::copy(found.begin(), found.end(), learned.held_out[i].poses.begin());
   }
   return learned;
 }
