@@ -158,6 +158,20 @@ TEST_CASE("poses: the better of two models of one attempt is taken", "[import]")
   CHECK(result.attempts[result.chosen].registered == 4);
 }
 
+TEST_CASE("poses: of several mappings of the same matches the one with the smallest error is taken",
+          "[import]") {
+  // The error of the second mapping is a tenth of the others.
+  std::string better = mapper_of(4);
+  for (const auto& [from, to] :
+       {std::pair{" 0.5 1 0 2 0", " 0.1 1 0 2 0"}, {" 1.5 1 1 2 1", " 0.1 1 1 2 1"}}) {
+    better.replace(better.find(from), std::string(from).size(), to);
+  }
+  Search search("case \"$*\" in *usual_1*)\n" + better + ";; *)\n" + mapper_of(4) + ";; esac");
+  const import::SearchResult result = search.find();
+  REQUIRE(result.attempts.size() == 1);
+  CHECK(result.attempts[0].error_px == Approx(0.05));
+}
+
 TEST_CASE("poses: of many images only neighbours and one of each shot are compared", "[import]") {
   std::vector<import::LatentImage> images;
   for (int64_t shot = 0; shot < 60; ++shot) {

@@ -49,8 +49,8 @@ struct ColmapSettings {
 void match_features(const ColmapJob& job, const ColmapSettings& settings,
                     const std::filesystem::path& folder);
 
-/// Reconstructs from FOLDER/database.db into FOLDER/NAME.
-/// @return the folders of the resulting models, none if no initial pair of images was found
+/// Reconstructs from FOLDER/database.db several times at once, into FOLDER/NAME_0 and so on.
+/// @return the folders of all resulting models, none if no initial pair of images was found
 std::vector<std::filesystem::path> reconstruct(const ColmapJob& job, const ColmapSettings& settings,
                                                const std::filesystem::path& folder);
 

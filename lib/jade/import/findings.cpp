@@ -17,6 +17,7 @@
 #include "jade/import/exposure_length.h"
 #include "jade/import/flipped_events.h"
 #include "jade/import/frame_gains.h"
+#include "jade/import/median.h"
 
 namespace jade::import {
 namespace {
@@ -105,13 +106,6 @@ std::string said_of_gains(const std::vector<double>& gains) {
   const auto [lowest, highest] = std::minmax_element(gains.begin(), gains.end());
   return concat("gain from ", rounded(*lowest, 0.01), " to ", rounded(*highest, 0.01),
                 " as the camera adjusts itself, ");
-}
-
-double median_of(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Frames with unknown exposures count as instantaneous.

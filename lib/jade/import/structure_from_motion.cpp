@@ -15,7 +15,9 @@
 #include "jade/geometry/trajectory.h"
 #include "jade/imaging/image_io.h"
 #include "jade/import/colmap.h"
+#include "jade/import/median.h"
 #include "jade/import/motion_check.h"
+#include "jade/import/stray_images.h"
 #include "jade/io/colmap.h"
 #include "jade/io/npy.h"
 
@@ -41,8 +43,6 @@ constexpr double kClearlyBetter = 0.01;
 /// recording was a later attempt better than such a one, and each takes as long: after one of 82 %
 /// two worse ones followed.
 constexpr double kNearlyAll = 0.95, kWellExplained = 0.6;
-/// On a shaking path images share 0.5 to 0.9 of their points with their neighbours.
-constexpr double kLeastShared = 0.25;
 /// Number of frames used for checks.
 constexpr size_t kChecked = 8;
 /// Less motion between all frames counts as none, px.
@@ -80,13 +80,6 @@ std::vector<ColmapSettings> attempts() {
           {"little_parallax", weak, guided, narrow}};
 }
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 geometry::Vector3 point_at(const torch::Tensor& points, int64_t index) {
   const double* p = points.const_data_ptr<double>() + 3 * index;
   return {p[0], p[1], p[2]};
@@ -100,7 +93,7 @@ double median_depth(const Reconstruction& r) {
                                            point_at(r.points, static_cast<int64_t>(i)))[2]);
     }
   }
-  return median(std::move(depths));
+  return median_of(std::move(depths));
 }
 
 /// Scales the scene to units of its median depth: COLMAP's scale is arbitrary, and step sizes of
@@ -140,67 +133,7 @@ double median_parallax(const Reconstruction& r) {
     }
     angles.push_back(widest);
   }
-  return median(std::move(angles));
-}
-
-double distance_between(const geometry::Vector3& a, const geometry::Vector3& b) {
-  double sum = 0;
-  for (size_t i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
-  return std::sqrt(sum);
-}
-
-/// Share of the points that pose `i` sees and a neighbour in time sees too.
-double shared_points(const Reconstruction& r, size_t i) {
-  int64_t own = 0, shared = 0;
-  for (const std::vector<int64_t>& seen : r.seen_by) {
-    const auto sees = [&](size_t pose) {
-      return std::find(seen.begin(), seen.end(), static_cast<int64_t>(pose)) != seen.end();
-    };
-    if (!sees(i)) continue;
-    ++own;
-    shared += sees(i - 1) || sees(i + 1) ? 1 : 0;
-  }
-  return own > 0 ? double(shared) / double(own) : 0;
-}
-
-void remove_pose(Reconstruction& r, size_t i) {
-  r.poses.erase(r.poses.begin() + static_cast<std::ptrdiff_t>(i));
-  const auto gone = static_cast<int64_t>(i);
-  for (std::vector<int64_t>& seen : r.seen_by) {
-    seen.erase(std::remove(seen.begin(), seen.end(), gone), seen.end());
-    for (int64_t& pose : seen) pose -= pose > gone ? 1 : 0;
-  }
-}
-
-/// Removes images that were registered to another part of a repeating texture: each, the worst
-/// first, that is ten times as far from the line between its neighbours in time as is usual, three
-/// times as far as they are apart, and sees other points than they do. An image at the turn of a
-/// shake is as far off, but sees their points. Few poses do not determine what is usual.
-void drop_strays(Reconstruction& r) {
-  constexpr size_t kFew = 8;
-  while (r.poses.size() > kFew) {
-    const std::vector<TimedPose>& poses = r.poses;
-    std::vector<double> off{0}, steps;
-    for (size_t i = 0; i + 1 < poses.size(); ++i) {
-      const geometry::Vector3 here = geometry::centre(poses[i].pose);
-      const geometry::Vector3 after = geometry::centre(poses[i + 1].pose);
-      steps.push_back(distance_between(here, after));
-      if (i == 0) continue;
-      const geometry::Vector3 before = geometry::centre(poses[i - 1].pose);
-      const double span = double(poses[i + 1].t_us - poses[i - 1].t_us);
-      const double part = span > 0 ? double(poses[i].t_us - poses[i - 1].t_us) / span : 0.5;
-      geometry::Vector3 between{};
-      for (size_t k = 0; k < 3; ++k) between[k] = before[k] + part * (after[k] - before[k]);
-      off.push_back(distance_between(here, between));
-    }
-    const double limit = std::max(10 * median(off), 3 * median(steps));
-    size_t worst = 0;
-    for (size_t i = 1; i < off.size(); ++i) {
-      if (off[i] > std::max(limit, off[worst]) && shared_points(r, i) < kLeastShared) worst = i;
-    }
-    if (worst == 0) return;
-    remove_pose(r, worst);
-  }
+  return median_of(std::move(angles));
 }
 
 Attempt attempt_of(const std::string& name, size_t images, const Reconstruction& r) {
@@ -284,6 +217,14 @@ bool explains_blur(const Attempt& a) {
   return a.explained_blur >= kLeastExplained && a.parallax_deg >= kLeastParallax_deg;
 }
 
+/// Whether `a` is the better one of two models of the same matches.
+bool fits_better(const Attempt& a, const Attempt& b) {
+  if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
+  if (a.registered != b.registered) return a.registered > b.registered;
+  return a.error_px < b.error_px;
+}
+
+/// Whether `a` is better than `b`, whose matches may be others.
 /// @param margin  of explained blur by which `a` must lead
 bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
   if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
@@ -306,8 +247,8 @@ bool is_enough(const Attempt& a, size_t made) {
 std::string sentence(const Attempt& a) {
   if (!a.problem.empty()) return concat(a.name, ": ", a.problem);
   return concat(a.name, ": ", a.registered, " of ", a.images, " images, ",
-                std::lround(100 * a.explained_blur), " % of the blur explained, parallax ",
-                readable(a.parallax_deg, 2), " degrees");
+                std::lround(100 * std::max(0.0, a.explained_blur)),
+                " % of the blur explained, parallax ", readable(a.parallax_deg, 2), " degrees");
 }
 
 [[noreturn]] void fail(const std::vector<Attempt>& tried, const FrameMotion& motion) {
@@ -493,7 +434,7 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       Reconstruction r = read_reconstruction(model, images, double(options.latents.upscale));
       Attempt attempt = attempt_of(settings.name, images.size(), r);
       attempt.explained_blur = explained_blur_of(latents, images, capture, r);
-      if (!is_better(attempt, best)) continue;
+      if (!fits_better(attempt, best)) continue;
       best = attempt, best_model = model;
       found = std::move(r);
     }

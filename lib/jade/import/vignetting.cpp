@@ -15,6 +15,7 @@
 #include "jade/data/masks.h"
 #include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
+#include "jade/import/median.h"
 
 namespace jade::import {
 namespace {
@@ -36,12 +37,6 @@ constexpr double kDarkest = 0.02, kBrightest = 0.98;
 double log_part(const std::array<double, 3>& terms, double r) {
   const double q = r * r;
   return q * (terms[0] + q * (terms[1] + q * terms[2]));
-}
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Weighted least squares over samples grouped by point, whose brightness is eliminated.
