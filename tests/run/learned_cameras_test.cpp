@@ -56,6 +56,13 @@ geometry::Pose nudged(const geometry::Pose& pose, double rotation, double shift)
   return geometry::pose_from_tensor(geometry::to_tensor(pose).matmul(geometry::se3_exp(twist)));
 }
 
+splat::Gaussians moved(splat::Gaussians g, torch::Device device) {
+  for (torch::Tensor* each : {&g.means, &g.rotations, &g.log_scales, &g.logit_opacities, &g.sh}) {
+    *each = each->to(device);
+  }
+  return g;
+}
+
 double error_px(const geometry::Pose& a, const geometry::Pose& b, const data::SharpView& view) {
   const geometry::Vector3 p = geometry::transform(a, {0.05, 0.02, 2}),
                           q = geometry::transform(b, {0.05, 0.02, 2});
@@ -64,14 +71,17 @@ double error_px(const geometry::Pose& a, const geometry::Pose& b, const data::Sh
 
 }  // namespace
 
-TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its image", "[run]") {
+namespace {
+
+/// @param device  to render on
+void check_fit(torch::Device device) {
   LearnedRun scene;
   scene.options.poses.optimize = PosePath::kNone;
   scene.options.objective.target = losses::Target::kEdi;
   scene.options.train.iterations = 150;
   run::Trainer trainer(scene.options, scene.run, "");
   while (trainer.state().step < 150) trainer.step();
-  const auto gaussians = trainer.state().gaussians.detached();
+  const auto gaussians = moved(trainer.state().gaussians.detached(), device);
 
   data::Dataset dataset = data::load_dataset(scene.options.dataset);
   const train::ExposurePoses unmoved(scene.learned(), dataset);
@@ -119,6 +129,14 @@ TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its i
   const data::Dataset again = run::with_learned_poses(dataset, unmoved, gaussians, warm, {});
   CHECK(error_px(again.test[0].pose, fitted.test[0].pose, view) < 1e-3);
 }
+
+}  // namespace
+
+TEST_CASE("learned cameras: a test pose that is off by pixels is fitted to its image", "[run]") {
+  check_fit(torch::kCPU);
+}
+
+TEST_CASE("learned cameras: the same on a GPU", "[run][cuda]") { check_fit(torch::kCUDA); }
 
 TEST_CASE("learned cameras: test views follow a motion that all exposures share", "[run]") {
   const LearnedRun scene;

@@ -18,7 +18,9 @@ ModuleAdam::ModuleAdam(std::vector<torch::Tensor> parameters, std::vector<double
   for (const torch::Tensor& parameter : parameters_) {
     first_.push_back(torch::zeros_like(parameter));
     second_.push_back(torch::zeros_like(parameter));
-    steps_.push_back(torch::zeros({}, parameter.options().requires_grad(false)));
+    // The fused step on CUDA reads counters as float32, whatever the type of the parameters.
+    steps_.push_back(
+        torch::zeros({}, parameter.options().dtype(torch::kFloat32).requires_grad(false)));
   }
 }
 
