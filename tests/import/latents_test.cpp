@@ -48,7 +48,7 @@ TEST_CASE("latents: the mean is of both restorations at each moment where the re
   CHECK(edi[2].mean().item<double>() > 1.1 * edi[0].mean().item<double>());
   CHECK(edi.equal(latents(middle, import::LatentKind::kEdi)));
   const torch::Tensor restored = torch::tensor({0.2f, 0.4f, 0.6f}).view({3, 1, 1, 1});
-  CHECK(torch::allclose(latents(any, import::LatentKind::kMean), 0.5 * (edi + restored)));
+  CHECK(torch::allclose(latents(any, import::LatentKind::kMean), 0.5 * (edi + restored), 0, 3e-4));
   // EDI transforms the result of a restorer of the middle to the ends.
   const torch::Tensor carried = latents(middle, import::LatentKind::kMean);
   CHECK(torch::allclose(carried, 0.5 * (edi[1] + 0.4) * (edi / edi[1])));

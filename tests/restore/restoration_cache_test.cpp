@@ -107,11 +107,11 @@ TEST_CASE("restoration cache: the longest unused go first, and what killed runs 
   const test::TempDir dir;
   RestorationCacheOptions options = in(dir.path());
   options.max_mib = 1;
-  RestorationCache cache(options);
+  RestorationCache before(options), cache(options);
   const std::vector<int64_t> shape{3, 200, 200};  // 469 KiB
   const auto hour = std::chrono::hours(1);
   const auto now = fs::file_time_type::clock::now();
-  for (const char* key : {"a", "b"}) ask(cache, key, 0, shape);
+  for (const char* key : {"a", "b"}) ask(before, key, 0, shape);
   fs::last_write_time(dir / "a.restoration", now - 3 * hour);
   fs::last_write_time(dir / "b.restoration", now - 2 * hour);
   CHECK_FALSE(ask(cache, "a", 0, shape).made);  // used again
@@ -126,6 +126,21 @@ TEST_CASE("restoration cache: the longest unused go first, and what killed runs 
   CHECK_FALSE(fs::exists(dir / "d.restoration.77.part"));
   CHECK(fs::exists(dir / "e.restoration.78.part"));
   CHECK(fs::exists(dir / "f.txt"));
+}
+
+TEST_CASE("restoration cache: half precision stays, and one run keeps no more than the limit",
+          "[restore]") {
+  const test::TempDir dir;
+  RestorationCacheOptions options = in(dir.path());
+  options.max_mib = 1;
+  RestorationCache cache(options);
+  const torch::Tensor image = torch::rand({3, 300, 200}).to(torch::kHalf);  // 352 KiB, so two fit
+  for (const char* key : {"a", "b", "c"}) cache.keep(key, image);
+  const auto found = [&](const char* key) { return cache.find(key, image.sizes()); };
+  REQUIRE((found("a") && found("b")));
+  CHECK(found("a")->scalar_type() == torch::kHalf);
+  CHECK(found("a")->equal(image));
+  CHECK_FALSE(found("c"));
 }
 
 }  // namespace

@@ -60,7 +60,7 @@ TEST_CASE("step feed: where every pose is restored a step is given its drawn pos
     CHECK(in.view.restorations.efnet.equal(expected.restorations.efnet));
     CHECK(in.view.psi.equal(expected.psi));
     const train::View middle = feed.bank().picture_view(in.view_index);
-    CHECK(plain.view.restorations.efnet.equal(middle.restorations.efnet));
+    CHECK(torch::allclose(plain.view.restorations.efnet, middle.restorations.efnet, 0, 3e-4));
     if (pose != 4) CHECK_FALSE(in.view.restorations.efnet.equal(middle.restorations.efnet));
     other_than_middle |= pose != 4;
   }

@@ -18,9 +18,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A file is one line of text, "jade-restoration 1 <SHA-256 of the values> <C>x<H>x<W>", and the
-// values in float32 in native byte order.
-constexpr const char* kMagic = "jade-restoration 1 ";
+// A file is one line of text, "jade-restoration 2 <SHA-256 of the values> <f16 or f32>
+// <C>x<H>x<W>", and the values of that type in native byte order.
+constexpr const char* kMagic = "jade-restoration 2 ";
 constexpr const char* kExtension = ".restoration";
 constexpr std::chrono::hours kAbandoned{1};
 
@@ -31,7 +31,8 @@ std::string sha256_of(const void* data, size_t bytes) {
 }
 
 std::string header_of(const torch::Tensor& image) {
-  return concat(kMagic, sha256_of(image.const_data_ptr(), image.nbytes()), ' ', image.size(0), 'x',
+  return concat(kMagic, sha256_of(image.const_data_ptr(), image.nbytes()),
+                image.scalar_type() == torch::kHalf ? " f16 " : " f32 ", image.size(0), 'x',
                 image.size(1), 'x', image.size(2), '\n');
 }
 
@@ -41,7 +42,8 @@ std::string parse(const std::string& file, torch::IntArrayRef shape, torch::Tens
   if (newline == std::string::npos || file.compare(0, std::strlen(kMagic), kMagic) != 0) {
     return "is no restoration of this version";
   }
-  *image = torch::empty(shape, torch::kFloat32);
+  const bool half = file.rfind(" f16 ", newline) != std::string::npos;
+  *image = torch::empty(shape, half ? torch::kHalf : torch::kFloat32);
   const size_t begin = newline + 1;
   if (file.size() - begin != image->nbytes()) {
     return concat("holds ", file.size() - begin, " bytes of values, expected ", image->nbytes());
@@ -111,6 +113,15 @@ RestorationCache::RestorationCache(const RestorationCacheOptions& options)
   }
 }
 
+RestorationCache::~RestorationCache() { finish_writing(); }
+
+void RestorationCache::finish_writing() {
+  if (!writing_.valid()) return;
+  const std::string problem = writing_.get();
+  writing_key_.clear();
+  if (!problem.empty()) give_up(problem);
+}
+
 void RestorationCache::give_up(const std::string& why) {
   log_warn(concat("restorations are not kept for the next run: ", why));
   prune();  // the last chance to prune
@@ -124,6 +135,7 @@ fs::path RestorationCache::path_of(const std::string& key) const {
 std::optional<torch::Tensor> RestorationCache::find(const std::string& key,
                                                     torch::IntArrayRef shape) {
   if (folder_.empty()) return std::nullopt;
+  if (key == writing_key_) finish_writing();
   const fs::path path = path_of(key);
   std::error_code missing;
   if (fs::is_regular_file(path, missing)) {
@@ -146,19 +158,29 @@ std::optional<torch::Tensor> RestorationCache::find(const std::string& key,
 }
 
 void RestorationCache::keep(const std::string& key, const torch::Tensor& image) {
-  if (folder_.empty()) return;
   check_shape(image, "restoration", {-1, -1, -1});
-  try {
-    const auto values = image.detach().to(torch::kCPU, torch::kFloat32).contiguous();
-    write_entry(path_of(key), values);
-    kept_bytes_ += static_cast<int64_t>(values.nbytes());
-    if (kept_bytes_ > max_bytes_ / 8) {
-      prune();
-      kept_bytes_ = 0;
+  finish_writing();
+  if (folder_.empty()) return;
+  const bool half = image.scalar_type() == torch::kHalf;
+  const auto bytes = image.numel() * int64_t{half ? 2 : 4};
+  // More would remove the first entries of this run, and the next run would find none of them.
+  if (kept_bytes_ + bytes > max_bytes_) return;
+  kept_bytes_ += bytes;
+  const torch::Tensor values = image.detach()
+                                   .to(torch::kCPU, half ? torch::kHalf : torch::kFloat32,
+                                       /*non_blocking=*/false, /*copy=*/true)
+                                   .contiguous();
+  writing_key_ = key;
+  writing_ = std::async(std::launch::async, [path = path_of(key), values]() -> std::string {
+    try {
+      write_entry(path, values);
+    } catch (const DataError& problem) {
+      return problem.what();
     }
-  } catch (const DataError& problem) {
-    give_up(problem.what());
-  }
+    return "";
+  });
+  const int64_t eighth = max_bytes_ / 8;
+  if (eighth > 0 && kept_bytes_ / eighth > (kept_bytes_ - bytes) / eighth) prune();
 }
 
 torch::Tensor RestorationCache::get(const std::string& key, torch::IntArrayRef shape,
@@ -168,10 +190,12 @@ torch::Tensor RestorationCache::get(const std::string& key, torch::IntArrayRef s
   JADE_CHECK(computed.sizes() == shape, "expected a restoration of shape ", shape, ", found ",
              computed.sizes());
   keep(key, computed);
+  finish_writing();
   return computed;
 }
 
-void RestorationCache::prune() const {
+void RestorationCache::prune() {
+  finish_writing();
   if (folder_.empty()) return;
   std::vector<Entry> entries = list_entries(folder_);
   std::sort(entries.begin(), entries.end(),

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <future>
 #include <optional>
 #include <string>
 #include <torch/types.h>
@@ -43,19 +44,22 @@ class RestorationCache {
  public:
   /// Creates the folder if the cache is enabled.
   explicit RestorationCache(const RestorationCacheOptions& options);
+  ~RestorationCache();
 
-  /// Image stored under `key`, on the CPU.
+  /// Image stored under `key`, on the CPU, in the type in which it was stored.
   /// @param key    restoration_key()
   /// @param shape  expected shape of the image
   std::optional<torch::Tensor> find(const std::string& key, torch::IntArrayRef shape);
-  /// Stores an image [C,H,W] for the next run, and prunes after every eighth of `max_mib`.
+  /// Stores an image [C,H,W] for the next run, in half precision if it is given so, else as float,
+  /// and prunes after every eighth of `max_mib`. The file is written on another thread. What this
+  /// object stores in all is limited by `max_mib` too.
   void keep(const std::string& key, const torch::Tensor& image);
   /// Returns find(), else the result of `compute`, which it stores.
   torch::Tensor get(const std::string& key, torch::IntArrayRef shape,
                     const std::function<torch::Tensor()>& compute);
 
   /// Removes the least recently used entries until `max_mib` holds, and leftovers of killed runs.
-  void prune() const;
+  void prune();
 
   int64_t hits() const { return hits_; }
   int64_t misses() const { return misses_; }
@@ -65,10 +69,14 @@ class RestorationCache {
  private:
   std::filesystem::path path_of(const std::string& key) const;
   void give_up(const std::string& why);
+  /// Waits until the last image is on the disk.
+  void finish_writing();
 
   std::filesystem::path folder_;
   int64_t max_bytes_ = 0;
-  int64_t kept_bytes_ = 0;  ///< since keep() last pruned
+  int64_t kept_bytes_ = 0;  ///< by this object
+  std::string writing_key_;
+  std::future<std::string> writing_;  ///< the problem, if any
   int64_t hits_ = 0, misses_ = 0;
 };
 

@@ -54,7 +54,8 @@ void restore_learned(const torch::Tensor& events, bool lasts, const RestoreOptio
   const auto found = std::find(times.begin(), times.end(), 0.5);
   const bool has_middle = restored.efnet_at.defined() && found != times.end();
   // A copy, so that the memory of the others can be freed.
-  middle = has_middle ? restored.efnet_at[found - times.begin()].clone()
+  middle = has_middle ? restored.efnet_at[found - times.begin()].to(
+                            torch::kFloat32, /*non_blocking=*/false, /*copy=*/true)
                       : restorer.efnet(restored.blurry, events);
 }
 

@@ -32,7 +32,7 @@ std::string ViewRestorer::efnet_key(const torch::Tensor& blurry, const torch::Te
                                     const std::vector<double>& times) const {
   // Devices round differently, and a run must not depend on results that another device cached.
   const std::string recipe =
-      concat("efnet ", metadata_.any_time ? 2 : 1, "; ", file_sha256_, "; torch ", torch_version(),
+      concat("efnet ", metadata_.any_time ? 4 : 3, "; ", file_sha256_, "; torch ", torch_version(),
              "; ", device_.type(), monochrome_ ? "; without tint" : "");
   std::vector<torch::Tensor> inputs{blurry, events};
   if (metadata_.any_time || times.size() > 1) {
@@ -64,6 +64,7 @@ torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tens
   if (torch::Tensor kept = kept_under(key, blurry, times); kept.defined()) return kept;
   torch::Tensor restored = network().restore(blurry.to(device_), events, times);
   if (monochrome_) restored = without_tint(restored);
+  if (times.size() > 1) restored = restored.to(torch::kHalf);
   if (as_asked()) cache_.keep(key, restored.flatten(0, 1));
   return restored;
 }

@@ -32,7 +32,8 @@ class ViewRestorer {
   /// tiles or in smaller batches for lack of GPU memory are not cached.
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events);
 
-  /// F(B, V, t) at several moments of an exposure, [K,3,H,W], cached as one entry.
+  /// F(B, V, t) at several moments of an exposure, [K,3,H,W], cached as one entry. Several are in
+  /// half precision, as training keeps them; one is in float32.
   /// @throws DataError as check_times.
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events,
                       const std::vector<double>& times);

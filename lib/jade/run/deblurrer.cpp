@@ -81,7 +81,9 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index,
     restore::Candidates at;
     at.blurry = exposure.blurry;
     at.edi = ((found.blurry + options_.log_offset) * gain - options_.log_offset).cpu();
-    if (found.efnet_at.defined()) at.efnet = found.efnet_at[static_cast<int64_t>(k)].cpu();
+    if (found.efnet_at.defined()) {
+      at.efnet = found.efnet_at[static_cast<int64_t>(k)].to(torch::kCPU, torch::kFloat32);
+    }
     if (allocation_) {
       const auto psi = events::polarity_projection(found.maps.voxel.values, times[k]);
       at.alpha = allocation_->forward({exposure.blurry, psi, index});
