@@ -102,11 +102,12 @@ TEST_CASE("view restorer: an entry is named by its network, its data and torch",
   const test::TempDir dir;
   const fs::path network = test::save_restorer(dir / "n.pt", "  return image * 0.5\n");
   const torch::Tensor blurry = torch::rand({3, 16, 20}), voxel = torch::randn({6, 16, 20});
-  ViewRestorer restorer(in(dir / "cache"), EfnetOptions{network, ""}, torch::kCPU);
-  restorer.efnet(blurry, voxel);
+  const EfnetOptions options{network, ""};
+  ViewRestorer(in(dir / "cache"), options, torch::kCPU).efnet(blurry, voxel);
   const std::string recipe = concat("efnet 3; ", file_sha256(network), "; torch ", torch_version(),
                                     "; ", torch::Device(torch::kCPU).type());
   CHECK(fs::exists(dir / "cache" / (restoration_key(recipe, {blurry, voxel}) + ".restoration")));
+  ViewRestorer restorer(in(dir / "cache"), options, torch::kCPU);
   CHECK_THROWS_WITH(restorer.efnet(blurry, voxel, {0}), Catch::Contains("version 1"));
 }
 
