@@ -24,11 +24,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Incremental mapping is random, and one in eight ends in a wrong model that nothing but a better
-/// one of the same matches tells: on a recording that stands still and then shakes, seven of eight
-/// models agreed within 0.1 px, and the eighth was 22 px off with all images placed and 1.6 times
-/// the error. A mapping keeps hardly more than one core busy, so three take 1.5 times as long as
-/// one on two cores.
+/// Number of mappings of the same matches. Incremental mapping is random, and one in eight ends in
+/// a wrong model that only its larger error tells: on a recording that stands still and then shakes,
+/// seven of eight models agreed within 0.1 px, and the eighth was 22 px off with all images placed
+/// and 1.6 times the error. A mapping keeps hardly more than one core busy: on two cores three take
+/// 1.7 times as long as one.
 constexpr int kMappings = 3;
 
 /// COLMAP would open a window system, and often there is none.
