@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/import/colmap.h"
 
+#include <ATen/Parallel.h>
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
@@ -24,12 +25,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Number of mappings of the same matches. Incremental mapping is random, and one in eight ends in
-/// a wrong model that only its larger error tells: on a recording that stands still and then shakes,
-/// seven of eight models agreed within 0.1 px, and the eighth was 22 px off with all images placed
-/// and 1.6 times the error. A mapping keeps hardly more than one core busy: on two cores three take
-/// 1.7 times as long as one.
-constexpr int kMappings = 3;
+/// Number of mappings of the same matches at once. Incremental mapping is random, and about one in
+/// eight ends in a wrong model that only its larger error tells: on a recording that stands still
+/// and then shakes, seven of eight models agreed within 0.1 px, and the eighth was 22 px off with
+/// all images placed. On two cores the poses of 166 images take 90 s with two and 110 s with three.
+int mappings() { return at::get_num_threads() < 4 ? 2 : 3; }
 
 /// COLMAP would open a window system, and often there is none.
 const std::vector<std::pair<std::string, std::string>> kNoWindows{{"QT_QPA_PLATFORM", "offscreen"}};
@@ -283,8 +283,9 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
     append(words, {"--output_path", models_of(mapping).string()});
     return words;
   };
+  const int count = mappings();
   std::vector<Child> others;
-  for (int k = 1; k < kMappings; ++k) {
+  for (int k = 1; k < count; ++k) {
     others.emplace_back(command_of(k), kNoWindows, folder / concat("mapper_", k, ".log"));
   }
   // One more than the images, to leave room for the final adjustment.
@@ -293,7 +294,7 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
   run_step(map, folder / "colmap.log");
   for (Child& other : others) wait_for(other);
   std::vector<fs::path> found;
-  for (int k = 0; k < kMappings; ++k) {
+  for (int k = 0; k < count; ++k) {
     for (const auto& entry : fs::directory_iterator(models_of(k))) {
       if (entry.is_directory() && io::is_colmap_model(entry.path())) found.push_back(entry.path());
     }
