@@ -26,9 +26,9 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Number of mappings of the same matches at once. Incremental mapping is random, and about one
-/// model in eight is wrong, with a larger error as its only sign: on a recording that rests and then
-/// shakes, seven of eight models agreed within 0.1 px, and the eighth was 22 px off with all images
-/// placed. On two cores the poses of 166 images take 90 s with two and 110 s with three.
+/// model in eight is wrong, with a larger error as its only sign: on a recording that rests and
+/// then shakes, seven of eight models agreed within 0.1 px, and the eighth was 22 px off with all
+/// images placed. On two cores the poses of 166 images take 90 s with two and 110 s with three.
 int mappings() { return at::get_num_threads() < 4 ? 2 : 3; }
 
 /// COLMAP would open a window system, and often there is none.
