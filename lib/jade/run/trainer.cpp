@@ -82,7 +82,7 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
 constexpr char kLooks[] = "looks on the way";
 
 /// Divisor of poses.test_fit_steps for evaluations after the first, which continue its fit.
-constexpr int64_t kWarmFitShare = 8;
+constexpr int64_t kWarmFitShare = 4;
 
 /// True when `due` divides the step; 0 is never.
 bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }

@@ -37,7 +37,7 @@ struct PoseOptions {
   PoseStart start = PoseStart::kData;
   int64_t control_poses = 12;
   double lr = 3e-4;
-  int64_t test_fit_steps = 200;
+  int64_t test_fit_steps = 100;
   /// Steps over which the step size decreases: 30,000 of 25,000, as in BAD-Gaussians. No key.
   Steps lr_max_steps = Steps::share(120);
 };
