@@ -167,6 +167,8 @@ def main():
     objects = {"reader": pycolmap.ImageReaderOptions(), "extraction": pycolmap.FeatureExtractionOptions(),
                "matching": pycolmap.FeatureMatchingOptions(), "pipeline": pycolmap.IncrementalPipelineOptions()}
     single = options.pop("ImageReader.single_camera", "0") == "1"
+    if not hasattr(objects["pipeline"], "random_seed"):  # older versions
+        options.pop("Mapper.random_seed", None)
     for name, value in options.items():
         set_option(objects, name, value)
     database = path_of(paths, "database_path")

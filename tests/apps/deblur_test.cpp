@@ -99,17 +99,18 @@ TEST_CASE("jade_deblur: moments are restored where they are, or refused in one l
       scene.deblur("--method efnet --efnet any.pt --npy --times 0,0.25,1 --poses");
   INFO(found.err);
   CHECK(found.code == 0);
+  constexpr double kHalfError = 2.5e-4;  // several moments are restored in half precision
   const auto value = [&](const char* file) {
     const torch::Tensor image = imaging::read_image(scene.dir / "out" / file);
     CHECK(image.min().item<float>() == image.max().item<float>());
     return image.mean().item<double>();
   };
-  CHECK(value("00.npy") == Approx(0.4));
-  CHECK(value("00_t0.npy") == Approx(0.2));
-  CHECK(value("00_t0.25.npy") == Approx(0.3));
-  CHECK(value("01_t1.npy") == Approx(0.6));
+  CHECK(value("00.npy") == Approx(0.4).margin(kHalfError));
+  CHECK(value("00_t0.npy") == Approx(0.2).margin(kHalfError));
+  CHECK(value("00_t0.25.npy") == Approx(0.3).margin(kHalfError));
+  CHECK(value("01_t1.npy") == Approx(0.6).margin(kHalfError));
   CHECK(value("01_2.npy") == Approx(0.25));  // of the 17 moments
-  CHECK(value("02_16.npy") == Approx(0.6));
+  CHECK(value("02_16.npy") == Approx(0.6).margin(kHalfError));
   CHECK(scene.deblur("--method edi --times 0,1").code == 0);
   check_error(scene.deblur("--method mean --efnet net.pt --times 0.25"), 3, "net.pt", "version 1",
               "0.25");

@@ -77,7 +77,7 @@ TEST_CASE("jade_import: a simulated recording becomes a scene that trains", "[ap
   INFO(compared.out << compared.err);
   REQUIRE(compared.code == 0);
   const auto errors = nlohmann::json::parse(compared.out);
-  // 0.7 to 1.4 px in eight imports; poses that are static within an exposure are off by 3 px, half
+  // 0.6 to 1.6 px in ten imports; poses that are static within an exposure are off by 3 px, half
   // its blur of 6 px, at its ends.
   for (const char* at : {"start_px", "middle_px", "end_px", "nine_px"}) CHECK(errors[at] < 2);
   CHECK_THAT(run(dir, import).err, test::naming("up to date", "--from"));

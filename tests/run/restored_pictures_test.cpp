@@ -91,8 +91,10 @@ TEST_CASE(
   const EndedRun ended(test::all_poses_options);
   const torch::Tensor middle = ended.trainer.bank().picture_view(2).restorations.efnet;
   fs::remove_all(ended.scene.dir / "cache");
-  run::RestoredPictures pictures(ended.folder(), ended.options, ended.dataset, torch::kCPU);
-  CHECK(made(pictures.of(2), "EFNet").allclose(middle, 0, 3e-4));
+  {
+    run::RestoredPictures pictures(ended.folder(), ended.options, ended.dataset, torch::kCPU);
+    CHECK(made(pictures.of(2), "EFNet").allclose(middle, 0, 3e-4));
+  }
   REQUIRE(ended.cached() == 1);
   for (const auto& entry : fs::directory_iterator(ended.scene.dir / "cache")) {
     CHECK(entry.file_size() < 2 * 3 * 28 * 36 * sizeof(float));

@@ -21,7 +21,7 @@ ImageReaderOptions = options(camera_model="SIMPLE_RADIAL", camera_params="")
 FeatureExtractionOptions = options(use_gpu=True, sift=options(first_octave=-1, max_num_features=8192, peak_threshold=0.0067))
 FeatureMatchingOptions = options(use_gpu=True, guided_matching=False, sift=options(max_ratio=0.8))
 ImportedPairingOptions = options(match_list_path=".", block_size=1225)
-IncrementalPipelineOptions = options(min_num_matches=15, ba_refine_focal_length=True, ba_global_frames_ratio=1.1,
+IncrementalPipelineOptions = options(min_num_matches=15, random_seed=-1, ba_refine_focal_length=True, ba_global_frames_ratio=1.1,
     mapper=options(init_min_tri_angle=16.0, filter_min_tri_angle=1.5), triangulation=options(min_angle=1.5))
 def extract_features(*paths, **options): print("extract", paths, options)
 def match_exhaustive(*paths, **options): print("exhaustive", paths, options)
@@ -126,9 +126,9 @@ class Colmap(unittest.TestCase):
         done = self.call("mapper", "--database_path", "d.db", "--image_path", "images", "--output_path", str(models),
                          "--Mapper.ba_refine_focal_length", "0", "--Mapper.init_min_tri_angle", "4",
                          "--Mapper.filter_min_tri_angle", "0.5", "--Mapper.tri_min_angle", "0.5", "--Mapper.min_num_matches", "10",
-                         "--Mapper.ba_global_images_ratio", "1.2")
+                         "--Mapper.ba_global_images_ratio", "1.2", "--Mapper.random_seed", "3")
         self.assertEqual(done.returncode, 0, done.stderr)
-        for part in ("min_num_matches=10", "ba_global_frames_ratio=1.2", "ba_refine_focal_length=False", "init_min_tri_angle=4.0", "filter_min_tri_angle=0.5",
+        for part in ("min_num_matches=10", "random_seed=3", "ba_global_frames_ratio=1.2", "ba_refine_focal_length=False", "init_min_tri_angle=4.0", "filter_min_tri_angle=0.5",
                      "triangulation=namespace(min_angle=0.5)"):
             self.assertIn(part, done.stdout)
         self.assertTrue(models.is_dir())

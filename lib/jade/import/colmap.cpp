@@ -276,11 +276,15 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
   if (knows(job, "mapper", "--Mapper.ba_global_frames_ratio", folder / "help.txt")) {
     rename_flags(command);
   }
+  // Without it mappings on one thread, and those of few images, are equal.
+  const bool seeds =
+      job.program.size() > 1 || knows(job, "mapper", "--Mapper.random_seed", folder / "help.txt");
   const auto models_of = [&](int mapping) { return folder / concat(settings.name, '_', mapping); };
   const auto command_of = [&](int mapping) {
     make_writable_folder(models_of(mapping));
     std::vector<std::string> words = command;
     append(words, {"--output_path", models_of(mapping).string()});
+    if (seeds) append(words, {"--Mapper.random_seed", concat(mapping + 1)});
     return words;
   };
   const int count = mappings();
