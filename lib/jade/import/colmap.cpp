@@ -276,7 +276,7 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
   if (knows(job, "mapper", "--Mapper.ba_global_frames_ratio", folder / "help.txt")) {
     rename_flags(command);
   }
-  // Without it mappings on one thread, and those of few images, are equal.
+  // Mappings with one seed are equal on one thread and for few images.
   const bool seeds =
       job.program.size() > 1 || knows(job, "mapper", "--Mapper.random_seed", folder / "help.txt");
   const auto models_of = [&](int mapping) { return folder / concat(settings.name, '_', mapping); };

@@ -174,7 +174,7 @@ void RestorationCache::keep(const std::string& key, const torch::Tensor& image) 
   writing_ = std::async(std::launch::async, [path = path_of(key), values]() -> std::string {
     try {
       write_entry(path, values);
-    } catch (const DataError& problem) {
+    } catch (const std::exception& problem) {
       return problem.what();
     }
     return "";
