@@ -258,17 +258,3 @@ TEST_CASE("near plane: 0.2, or half of what a small scene's nearest is away, unl
   // Versions without the key rendered this.
   CHECK(train::render_options({}).near_plane == 0.01);
 }
-
-TEST_CASE("max_gaussians: auto grows with the side of the frames", "[train]") {
-  data::Dataset dataset;
-  dataset.train.resize(1);
-  dataset.train[0].camera.width = 240;
-  dataset.train[0].camera.height = 180;
-  CHECK(train::max_gaussians({}, dataset) == 150000);
-  dataset.train[0].camera.width = 1280;
-  dataset.train[0].camera.height = 720;
-  CHECK(train::max_gaussians({}, dataset) == 480000);
-  gaussians::DensifyOptions given;
-  given.max_gaussians = 7;
-  CHECK(train::max_gaussians(given, dataset) == 7);
-}

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/core/cuda_runtime.h"
 
+#include <ATen/Context.h>
+#include <algorithm>
 #include <c10/cuda/CUDACachingAllocator.h>
 #include <c10/cuda/CUDAGuard.h>
 #include <cuda_runtime_api.h>
@@ -44,6 +46,21 @@ int64_t peak_memory_bytes(int index) {
   namespace allocator = c10::cuda::CUDACachingAllocator;
   const auto statistics = allocator::getDeviceStats(static_cast<c10::DeviceIndex>(index));
   return statistics.allocated_bytes[0].peak;
+}
+
+int64_t free_memory_bytes(int index) {
+  const c10::cuda::CUDAGuard guard(static_cast<c10::DeviceIndex>(index));
+  size_t free = 0, total = 0;
+  return cudaMemGetInfo(&free, &total) == cudaSuccess ? static_cast<int64_t>(free) : 0;
+}
+
+void limit_memory(int index, int64_t bytes) {
+  const auto device = static_cast<c10::DeviceIndex>(index);
+  cudaDeviceProp properties{};
+  if (cudaGetDeviceProperties(&properties, index) != cudaSuccess) return;
+  const double share = static_cast<double>(bytes) / static_cast<double>(properties.totalGlobalMem);
+  at::globalContext().lazyInitDevice(c10::DeviceType::CUDA);
+  c10::cuda::CUDACachingAllocator::setMemoryFraction(std::min(1.0, share), device);
 }
 
 int64_t trim_memory(int index, int64_t keep_bytes) {

@@ -12,6 +12,8 @@ int device_count();
 std::string problem();
 std::string device_name(int index);
 int64_t peak_memory_bytes(int index);
+int64_t free_memory_bytes(int index);
+void limit_memory(int index, int64_t bytes);
 int64_t trim_memory(int index, int64_t keep_bytes);
 void bound_stack_memory(int index);
 

@@ -10,6 +10,8 @@ std::string problem() {
 }
 std::string device_name(int) { return "GPU"; }
 int64_t peak_memory_bytes(int) { return 0; }
+int64_t free_memory_bytes(int) { return 0; }
+void limit_memory(int, int64_t) {}
 int64_t trim_memory(int, int64_t) { return 0; }
 void bound_stack_memory(int) {}
 

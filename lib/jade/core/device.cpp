@@ -27,6 +27,14 @@ int64_t peak_memory_bytes(torch::Device device) {
   return static_cast<int64_t>(usage.ru_maxrss) * 1024;
 }
 
+int64_t free_memory_bytes(torch::Device device) {
+  return device.is_cuda() ? cuda::free_memory_bytes(device.index() < 0 ? 0 : device.index()) : 0;
+}
+
+void limit_memory(torch::Device device, int64_t bytes) {
+  if (device.is_cuda()) cuda::limit_memory(device.index() < 0 ? 0 : device.index(), bytes);
+}
+
 void limit_threads_beside(torch::Device device) {
   constexpr int kThreads = 8;
   if (device.is_cuda() && std::getenv("OMP_NUM_THREADS") == nullptr &&

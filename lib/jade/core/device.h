@@ -20,6 +20,13 @@ std::string device_name(torch::Device device);
 /// process.
 int64_t peak_memory_bytes(torch::Device device);
 
+/// Free GPU memory, after that of the CUDA context of this process; 0 on the CPU.
+int64_t free_memory_bytes(torch::Device device);
+
+/// Limits the tensors of this process on a GPU: a larger request throws c10::OutOfMemoryError. Does
+/// nothing on the CPU.
+void limit_memory(torch::Device device, int64_t bytes);
+
 /// Limits the CPU to eight threads if `device` is a GPU, unless OMP_NUM_THREADS is set: further
 /// threads have little to do and spin while they wait for each other.
 void limit_threads_beside(torch::Device device);

@@ -104,7 +104,7 @@ void describe(V& v, DensifyOptions& o) {
   v.fixed("opacity_reset_every", o.opacity_reset_every);
   v.field("max_gaussians", o.max_gaussians,
           "upper bound of the number of Gaussians; auto: 500 times the root of a frame's pixels, "
-          "at least 150000",
+          "at least 150000, but no more than a GPU's memory holds",
           Range{1, 1e8});
   v.group("mcmc", o.mcmc, "strategy mcmc");
 }

@@ -329,15 +329,16 @@ torch::Tensor Restorer::restore_where_it_fits(const Inputs& inputs) {
                         " at once; going on with ", batch_, " at once"));
         continue;
       }
-      if (!device_.is_cpu()) {
-        log_warn(concat(problem.what(), " with ", metadata_.name, "; going on on the CPU"));
-        to(torch::kCPU);
-        continue;
-      }
       const int64_t longest = std::max(image.size(2), image.size(3));
       do {
         tile_ = tile_ == 0 ? kLargestTile : tile_ / 2;
       } while (tile_ >= longest);
+      if (tile_ < kSmallestTile && !device_.is_cpu()) {
+        log_warn(concat(problem.what(), " with ", metadata_.name, "; going on on the CPU"));
+        to(torch::kCPU);
+        tile_ = 0;
+        continue;
+      }
       if (tile_ < kSmallestTile) {
         throw DeviceError(concat(problem.what(), " with ", metadata_.name,
                                  ", not even in tiles; close other programs"));

@@ -58,7 +58,7 @@ class Restorer {
   Restorer& operator=(Restorer&&) noexcept;
 
   const RestorerMetadata& metadata() const { return metadata_; }
-  /// Device of the network: the CPU after a GPU ran out of memory.
+  /// Device of the network: the CPU after a GPU had too little memory.
   torch::Device device() const { return device_; }
   /// Side of the tiles after memory ran short, px; 0: whole frames.
   int64_t tile() const { return tile_; }
@@ -66,8 +66,8 @@ class Restorer {
   /// Moments per call of the network after memory ran short; 0: all requested.
   int64_t batch() const { return batch_; }
 
-  /// Restores the sharp frame of mid-exposure. If the device has too little memory, continues on
-  /// the CPU, and if that has too little, in overlapping tiles, with a warning.
+  /// Restores the sharp frame of mid-exposure. If the device has too little memory, continues in
+  /// overlapping tiles, and if a GPU has too little even for these, on the CPU, with a warning.
   /// @param blurry [3,H,W] or [N,3,H,W], RGB in [0,1]
   /// @param events  [T,H,W] or [N,T,H,W], signed sums of the events of metadata().windows equal
   ///   half-open windows of the exposure; for version 1 at any positive scale. Ignored by kind

@@ -409,8 +409,9 @@ ConfigDifference compare_configs(const std::string& saved_yaml, train::RunOption
   // Keys that affect when a run stops or what it shows, but not its result at a given step.
   static const std::vector<std::string> free_keys = {
       "train.iterations", "train.log_every", "train.evaluate_every", "train.picture_every",
-      "checkpoint.every", "device",          "dataset.path",         "efnet.path",
-      "cache.enabled",    "cache.folder",    "poses.test_fit_steps", "init.ply"};
+      "checkpoint.every", "device",          "memory_gib",           "dataset.path",
+      "efnet.path",       "cache.enabled",   "cache.folder",         "poses.test_fit_steps",
+      "init.ply"};
   train::RunOptions saved = saved_options(saved_yaml);
   train::settle(now);
   const FieldList saved_fields = fields_of(saved), now_fields = fields_of(now);

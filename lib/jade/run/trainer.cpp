@@ -101,11 +101,12 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   limit_threads_beside(device_);
   train::settle(options_);
   train::apply_dataset(data_.dataset, options_);
+  const int64_t budget = train::memory_budget(options_, device_);
   if (resume.empty() || !resume_from(resume)) {
     settle_thresholds(data_.dataset, data_.fingerprint, /*log_offset=*/0, options_);
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
     settle_pattern();
-    options_.densify.max_gaussians = train::max_gaussians(options_.densify, data_.dataset);
+    options_.densify.max_gaussians = train::max_gaussians(options_, data_.dataset, budget);
     if (choices_) choose_pace(data_.dataset, *choices_, device_, options_, data_.restorer);
     if (!train::needs_efnet(options_)) data_.restorer_sha256.clear();
     state_ = train::make_state(options_, data_.dataset, device_);
@@ -114,12 +115,17 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   write_file(directory_.path() / "config.yaml", yaml_of(options_));
   write_environment();
   times_.end("start");
-  feed_ = train::StepFeed(data_.dataset, options_, device_, std::move(data_.restorer));
+  const int64_t most = train::most_gaussians(state_, options_);
+  train::MemoryPlan plan = train::memory_plan(options_, data_.dataset, most);
+  feed_ = train::StepFeed(data_.dataset, options_, device_, std::move(data_.restorer),
+                          train::constants_budget(plan, budget));
   times_.end("restorations");
-  log_info(concat("memory      ",
-                  train::text_of(train::memory_plan(bank(), state_, options_), bank().size(),
-                                 train::most_gaussians(state_, options_)),
-                  "; peak so far ", peak_memory_bytes(device_) >> 20, " MiB"));
+  if (device_.is_cuda()) {
+    plan.constants = bank().bytes_on_device();
+    log_info(concat("memory      of ", budget >> 20, " MiB for tensors ",
+                    train::text_of(plan, bank().size(), most), "; peak so far ",
+                    peak_memory_bytes(device_) >> 20, " MiB"));
+  }
   metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "jade/core/auto_number.h"
 #include "jade/core/fields.h"
 #include "jade/data/dataset.h"
 #include "jade/events/thresholds.h"
@@ -98,6 +99,7 @@ void describe(V& v, CheckpointOptions& o) {
 struct RunOptions {
   int64_t seed = 0;
   std::string device = "auto";
+  AutoNumber memory_gib = AutoNumber::automatic(0);
   bool deterministic = false;
   data::DatasetOptions dataset;
   geometry::ExposureOptions exposure;
@@ -123,6 +125,9 @@ template <class V>
 void describe(V& v, RunOptions& o) {
   v.field("seed", o.seed, "seed of all random numbers", Range{0, 9e15});
   v.field("device", o.device, "auto (a GPU if there is one), cpu, cuda or cuda:N");
+  v.field("memory_gib", o.memory_gib,
+          "GPU memory that the run may take, in GiB, at least 1; auto: what is free at the start",
+          Range{1, 1e4});
   v.field("deterministic", o.deterministic,
           "bit-identical results on a GPU too, somewhat slower; on the CPU always");
   v.group("dataset", o.dataset, "where the frames, events and poses are");

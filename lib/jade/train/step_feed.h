@@ -25,7 +25,8 @@ class StepFeed {
   /// Restores all exposures: see ViewBank, also for errors.
   /// @param options  settled
   StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
-           std::future<restore::Restorer> early = {});
+           std::future<restore::Restorer> early = {},
+           int64_t most_device_bytes = kMostConstantBytes);
 
   /// @param step  counted from 1
   StepInputs at(int64_t step);

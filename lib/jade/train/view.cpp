@@ -2,20 +2,12 @@
 #include "jade/train/view.h"
 
 #include <algorithm>
-#include <cmath>
 #include <torch/types.h>
 
 namespace jade::train {
 
 double near_plane(const SplatOptions& options, const data::Dataset& dataset) {
   return options.near_plane > 0 ? options.near_plane : std::min(0.2, 0.5 * dataset.near);
-}
-
-int64_t max_gaussians(const gaussians::DensifyOptions& options, const data::Dataset& dataset) {
-  if (!options.max_gaussians.is_auto()) return options.max_gaussians;
-  const auto& camera = dataset.train.front().camera;
-  const double side = std::sqrt(double(camera.width) * camera.height);
-  return std::max(int64_t{options.max_gaussians}, int64_t(std::lround(500 * side)));
 }
 
 splat::RenderOptions render_options(const RunOptions& options) {

@@ -56,10 +56,6 @@ struct View {
 /// 3DGS, but at most half the near depth bound, so that small scenes are not cut.
 double near_plane(const SplatOptions& options, const data::Dataset& dataset);
 
-/// densify.max_gaussians for a new run on this data set: the option if set, else 500 · √(pixels of
-/// the first frame), at least 150,000 (docs/engineering/preset.md).
-int64_t max_gaussians(const gaussians::DensifyOptions& options, const data::Dataset& dataset);
-
 /// How a run renders any view, at the full SH degree. A near plane of 0, as in runs of versions
 /// without this key, means that of splat/render.h.
 splat::RenderOptions render_options(const RunOptions& options);
