@@ -9,32 +9,12 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/io/ecf.h"
+#include "jade/io/hdf5_chunks.h"
 #include "jade/io/hdf5_driver.h"
+#include "jade/io/hdf5_id.h"
 
 namespace jade::io {
 namespace {
-
-/// Owns one HDF5 identifier of any kind.
-class Id {
- public:
-  explicit Id(hid_t id = -1) : id_(id) {}
-  ~Id() { reset(); }
-  Id(Id&& other) noexcept : id_(std::exchange(other.id_, -1)) {}
-  Id& operator=(Id&& other) noexcept {
-    std::swap(id_, other.id_);
-    return *this;
-  }
-  operator hid_t() const { return id_; }  // NOLINT(google-explicit-constructor)
-  bool valid() const { return id_ >= 0; }
-  /// Closes it immediately; false if pending data could not be written.
-  bool reset() {
-    const hid_t id = std::exchange(id_, -1);
-    return id < 0 || H5Idec_ref(id) >= 0;
-  }
-
- private:
-  hid_t id_;
-};
 
 // HDF5's predefined types are macros over variables set at run time, hence functions.
 template <class T>
@@ -74,7 +54,7 @@ void add_numeric_fields(hid_t type, Hdf5Dataset* out) {
     if (kind == H5T_INTEGER || kind == H5T_ENUM || kind == H5T_FLOAT) {
       out->fields.emplace_back(name);
       out->floating_fields.push_back(kind == H5T_FLOAT);
-      const Id member(H5Tget_member_type(type, static_cast<unsigned>(i)));
+      const Hdf5Id member(H5Tget_member_type(type, static_cast<unsigned>(i)));
       out->field_sizes.push_back(static_cast<int64_t>(H5Tget_size(member)));
     }
     H5free_memory(name);
@@ -82,11 +62,11 @@ void add_numeric_fields(hid_t type, Hdf5Dataset* out) {
 }
 
 bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
-  const Id dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT));
+  const Hdf5Id dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT));
   if (!dataset.valid()) return false;
-  const Id space(H5Dget_space(dataset));
-  const Id type(H5Dget_type(dataset));
-  const Id properties(H5Dget_create_plist(dataset));
+  const Hdf5Id space(H5Dget_space(dataset));
+  const Hdf5Id type(H5Dget_type(dataset));
+  const Hdf5Id properties(H5Dget_create_plist(dataset));
   if (!space.valid() || !type.valid() || !properties.valid()) return false;
   const int rank = H5Sget_simple_extent_ndims(space);
   if (rank < 0 || rank > H5S_MAX_RANK) return false;
@@ -127,7 +107,7 @@ herr_t collect_name(hid_t, const char* name, const ObjectInfo* info, void* names
 
 /// Describes the first filter of a data set that this installation lacks; empty if none.
 std::string missing_filter(hid_t dataset) {
-  const Id properties(H5Dget_create_plist(dataset));
+  const Hdf5Id properties(H5Dget_create_plist(dataset));
   const int count = H5Pget_nfilters(properties);
   for (int i = 0; i < count; ++i) {
     unsigned flags = 0;
@@ -147,7 +127,7 @@ std::string missing_filter(hid_t dataset) {
 }
 
 bool has_filter(hid_t dataset, H5Z_filter_t wanted) {
-  const Id properties(H5Dget_create_plist(dataset));
+  const Hdf5Id properties(H5Dget_create_plist(dataset));
   for (int i = 0; i < H5Pget_nfilters(properties); ++i) {
     size_t elements = 0;
     if (H5Pget_filter2(properties, static_cast<unsigned>(i), nullptr, &elements, nullptr, 0,
@@ -160,7 +140,7 @@ bool has_filter(hid_t dataset, H5Z_filter_t wanted) {
 /// Largest possible compression ratio of a data set: deflate reaches 1032, LZF less; only filters
 /// from plug-ins may exceed it.
 double largest_compression(hid_t dataset) {
-  const Id properties(H5Dget_create_plist(dataset));
+  const Hdf5Id properties(H5Dget_create_plist(dataset));
   const int count = H5Pget_nfilters(properties);
   if (count <= 0) return 1;
   double largest = 1100;
@@ -189,14 +169,14 @@ bool select_range(hid_t space, const std::vector<int64_t>& shape, int64_t begin,
 /// A text attribute of a file or a data set; empty if there is none.
 std::string text_attribute(hid_t object, const std::string& name) {
   if (H5Aexists(object, name.c_str()) <= 0) return "";
-  const Id attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT));
-  const Id type(H5Aget_type(attribute));
-  const Id space(H5Aget_space(attribute));
+  const Hdf5Id attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT));
+  const Hdf5Id type(H5Aget_type(attribute));
+  const Hdf5Id space(H5Aget_space(attribute));
   if (!type.valid() || H5Tget_class(type) != H5T_STRING || H5Sget_simple_extent_npoints(space) != 1)
     return "";
   if (H5Tis_variable_str(type) > 0) {
     char* text = nullptr;
-    const Id memory(H5Tcopy(H5T_C_S1));
+    const Hdf5Id memory(H5Tcopy(H5T_C_S1));
     H5Tset_size(memory, H5T_VARIABLE);
     H5Tset_cset(memory, H5Tget_cset(type));
     if (H5Aread(attribute, memory, &text) < 0 || text == nullptr) return "";
@@ -213,18 +193,18 @@ std::string text_attribute(hid_t object, const std::string& name) {
 }
 
 bool write_text(hid_t object, const std::string& name, const std::string& value) {
-  const Id space(H5Screate(H5S_SCALAR));
-  const Id type(H5Tcopy(H5T_C_S1));
+  const Hdf5Id space(H5Screate(H5S_SCALAR));
+  const Hdf5Id type(H5Tcopy(H5T_C_S1));
   H5Tset_size(type, value.size() + 1);
   H5Tset_cset(type, H5T_CSET_UTF8);
-  const Id attribute(H5Acreate2(object, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT));
+  const Hdf5Id attribute(H5Acreate2(object, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT));
   return attribute.valid() && H5Awrite(attribute, type, value.c_str()) >= 0;
 }
 
 }  // namespace
 
 struct Hdf5File::Handle {
-  Id file;
+  Hdf5Id file;
 };
 
 Hdf5File::Hdf5File(const std::filesystem::path& path)
@@ -238,10 +218,10 @@ Hdf5File::Hdf5File(const std::filesystem::path& path)
   if (H5Fis_hdf5(path.c_str()) == 0) {
     throw DataError(concat(path.string(), ": expected an HDF5 file, found another format"));
   }
-  const Id access(H5Pcreate(H5P_FILE_ACCESS));
+  const Hdf5Id access(H5Pcreate(H5P_FILE_ACCESS));
   H5Pset_fclose_degree(access, H5F_CLOSE_STRONG);
   H5Pset_driver(access, read_only_driver(), nullptr);
-  handle_->file = Id(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access));
+  handle_->file = Hdf5Id(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access));
   if (!handle_->file.valid()) {
     throw DataError(concat(path.string(), ": cannot be opened as HDF5: it is truncated (", size,
                            " bytes), damaged, or still being written; copy it again"));
@@ -303,7 +283,7 @@ int64_t Hdf5File::length(const std::string& name) const {
 
 /// Checks that the file is large enough for the claimed number of values.
 void Hdf5File::check_size(const Hdf5Dataset& info, int64_t count) const {
-  const Id id(H5Dopen2(handle_->file, info.name.c_str(), H5P_DEFAULT));
+  const Hdf5Id id(H5Dopen2(handle_->file, info.name.c_str(), H5P_DEFAULT));
   const double possible = static_cast<double>(info.stored_bytes) * largest_compression(id);
   const double claimed = static_cast<double>(count) * static_cast<double>(info.item_size);
   if (count >= 0 && claimed <= possible) return;
@@ -321,7 +301,7 @@ void Hdf5File::read_as(const std::string& name, int64_t begin, int64_t count, in
                                name, "' asked, which has ", total));
   }
   if (count == 0) return;
-  const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  const Hdf5Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
   const Hdf5Dataset& info = dataset(name);
   if (has_filter(id, kEcfFilter) &&
       (info.item_size != sizeof(EcfEvent) || info.chunk_length > kEcfChunk)) {
@@ -330,7 +310,8 @@ void Hdf5File::read_as(const std::string& name, int64_t begin, int64_t count, in
                            "', which is compressed as ECF, found ", info.item_size, " bytes and ",
                            info.chunk_length, "; the file is damaged, copy or record it again"));
   }
-  const Id file_space(H5Dget_space(id));
+  if (read_deflated(id, begin, count, static_cast<hid_t>(type), out)) return;
+  const Hdf5Id file_space(H5Dget_space(id));
   const bool selected = select_range(file_space, info.shape, begin, count);
   read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, type, out);
 }
@@ -338,7 +319,7 @@ void Hdf5File::read_as(const std::string& name, int64_t begin, int64_t count, in
 void Hdf5File::read_space(const std::string& name, int64_t dataset, int64_t file_space,
                           int64_t count, int64_t type, void* out) const {
   const auto memory_count = static_cast<hsize_t>(count);
-  const Id memory_space(H5Screate_simple(1, &memory_count, nullptr));
+  const Hdf5Id memory_space(H5Screate_simple(1, &memory_count, nullptr));
   if (file_space >= 0 &&
       H5Dread(dataset, static_cast<hid_t>(type), memory_space, file_space, H5P_DEFAULT, out) >= 0) {
     return;
@@ -365,8 +346,8 @@ void Hdf5File::read_column_as(const std::string& name, size_t axis, int64_t inde
   }
   if (count == 0) return;
   check_size(info, info.shape[0] > INT64_MAX / info.shape[1] ? -1 : info.shape[0] * info.shape[1]);
-  const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
-  const Id file_space(H5Dget_space(id));
+  const Hdf5Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  const Hdf5Id file_space(H5Dget_space(id));
   hsize_t start[2], extent[2];
   start[axis] = static_cast<hsize_t>(index), extent[axis] = 1;
   start[1 - axis] = static_cast<hsize_t>(begin), extent[1 - axis] = static_cast<hsize_t>(count);
@@ -384,8 +365,8 @@ void Hdf5File::read_item(const std::string& name, int64_t index, uint8_t* out) c
   start[0] = static_cast<hsize_t>(index), extent[0] = 1;
   int64_t count = 1;
   for (size_t i = 1; i < info.shape.size(); ++i) count *= info.shape[i];
-  const Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
-  const Id file_space(H5Dget_space(id));
+  const Hdf5Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  const Hdf5Id file_space(H5Dget_space(id));
   const bool selected = H5Sselect_hyperslab(file_space, H5S_SELECT_SET, start.data(), nullptr,
                                             extent.data(), nullptr) >= 0;
   read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, H5T_NATIVE_UINT8, out);
@@ -406,7 +387,7 @@ void Hdf5File::read_field(const std::string& name, const std::string& field, int
                            "' to hold records with a number '", field,
                            "', found none; the file is of another kind"));
   }
-  const Id record(H5Tcreate(H5T_COMPOUND, sizeof(T)));
+  const Hdf5Id record(H5Tcreate(H5T_COMPOUND, sizeof(T)));
   H5Tinsert(record, field.c_str(), 0, native_type<T>());
   read_as(name, begin, count, record, out);
 }
@@ -416,7 +397,7 @@ std::string Hdf5File::attribute(const std::string& name) const {
 }
 
 std::string Hdf5File::attribute(const std::string& dataset, const std::string& name) const {
-  const Id id(H5Dopen2(handle_->file, dataset.c_str(), H5P_DEFAULT));
+  const Hdf5Id id(H5Dopen2(handle_->file, dataset.c_str(), H5P_DEFAULT));
   return id.valid() ? text_attribute(id, name) : "";
 }
 
@@ -430,14 +411,14 @@ struct Hdf5Writer::Handle {
   AtomicFile target;
   int gzip_level = 4;
   // Order matters: data sets close first, then the file, then its name is removed.
-  Id file;
-  std::map<std::string, Id> datasets;
+  Hdf5Id file;
+  std::map<std::string, Hdf5Id> datasets;
 };
 
 Hdf5Writer::Hdf5Writer(const std::filesystem::path& path, int gzip_level)
     : path_(path), handle_(std::make_unique<Handle>(path, gzip_level)) {
   prepare_hdf5();
-  handle_->file = Id(
+  handle_->file = Hdf5Id(
       H5Fcreate(handle_->target.temporary_path().c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
   if (!handle_->file.valid()) {
     throw DataError(concat(path.string(),
@@ -454,35 +435,35 @@ void Hdf5Writer::append_as(const std::string& name, int64_t type, const void* va
     return DataError(concat(path_.string(), ": '", name,
                             "' cannot be written; check the free space of the disk"));
   };
-  Id& dataset = handle_->datasets[name];
+  Hdf5Id& dataset = handle_->datasets[name];
   if (!dataset.valid()) {
     constexpr hsize_t kChunk = 1 << 16;
     const hsize_t empty = 0;
     const hsize_t unlimited = H5S_UNLIMITED;
-    const Id space(H5Screate_simple(1, &empty, &unlimited));
-    const Id properties(H5Pcreate(H5P_DATASET_CREATE));
-    const Id links(H5Pcreate(H5P_LINK_CREATE));
+    const Hdf5Id space(H5Screate_simple(1, &empty, &unlimited));
+    const Hdf5Id properties(H5Pcreate(H5P_DATASET_CREATE));
+    const Hdf5Id links(H5Pcreate(H5P_LINK_CREATE));
     H5Pset_chunk(properties, 1, &kChunk);
     H5Pset_shuffle(properties);
     if (handle_->gzip_level > 0) {
       H5Pset_deflate(properties, static_cast<unsigned>(handle_->gzip_level));
     }
     H5Pset_create_intermediate_group(links, 1);
-    dataset = Id(H5Dcreate2(handle_->file, name.c_str(), static_cast<hid_t>(type), space, links,
-                            properties, H5P_DEFAULT));
+    dataset = Hdf5Id(H5Dcreate2(handle_->file, name.c_str(), static_cast<hid_t>(type), space, links,
+                                properties, H5P_DEFAULT));
     if (!dataset.valid()) throw failed();
   }
   if (count == 0) return;
   hsize_t start = 0;
   {
-    const Id space(H5Dget_space(dataset));
+    const Hdf5Id space(H5Dget_space(dataset));
     if (H5Sget_simple_extent_dims(space, &start, nullptr) != 1) throw failed();
   }
   const auto added = static_cast<hsize_t>(count);
   const hsize_t total = start + added;
   if (H5Dset_extent(dataset, &total) < 0) throw failed();
-  const Id file_space(H5Dget_space(dataset));
-  const Id memory_space(H5Screate_simple(1, &added, nullptr));
+  const Hdf5Id file_space(H5Dget_space(dataset));
+  const Hdf5Id memory_space(H5Screate_simple(1, &added, nullptr));
   if (H5Sselect_hyperslab(file_space, H5S_SELECT_SET, &start, nullptr, &added, nullptr) < 0 ||
       H5Dwrite(dataset, static_cast<hid_t>(type), memory_space, file_space, H5P_DEFAULT, values) <
           0) {
