@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/data/event_file.h"
 
+#include <ATen/Parallel.h>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <torch/types.h>
 
@@ -138,14 +140,19 @@ void tell_hot_pixel(const Dataset& data, const Warnings& warnings) {
   if (data.train.empty() || data.events.size() < kFewestEvents) return;
   const int64_t width = data.train.front().camera.width, height = data.train.front().camera.height;
   if (width * height < kFewestPixels) return;
-  std::vector<int64_t> counts(size_t(width * height), 0);
+  std::vector<std::atomic<int64_t>> shared(size_t(width * height));
   const float* const x = data.events.x().const_data_ptr<float>();
   const float* const y = data.events.y().const_data_ptr<float>();
-  for (int64_t i = 0; i < data.events.size(); ++i) {
-    const float column = std::floor(x[i] + 0.5F), row = std::floor(y[i] + 0.5F);
-    if (!(column >= 0 && column < float(width) && row >= 0 && row < float(height))) continue;
-    ++counts[size_t(int64_t(row) * width + int64_t(column))];
-  }
+  at::parallel_for(0, data.events.size(), events::kEventGrain, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      // Conversion to integers rounds down, because neither is negative.
+      const float column = x[i] + 0.5F, row = y[i] + 0.5F;
+      if (!(column >= 0 && column < float(width) && row >= 0 && row < float(height))) continue;
+      shared[size_t(int64_t(row) * width + int64_t(column))].fetch_add(1,
+                                                                       std::memory_order_relaxed);
+    }
+  });
+  const std::vector<int64_t> counts(shared.begin(), shared.end());
   const auto highest = std::max_element(counts.begin(), counts.end());
   const int64_t most = *highest, at = highest - counts.begin();
   std::vector<int64_t> others = counts;

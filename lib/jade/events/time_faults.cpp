@@ -73,10 +73,12 @@ namespace {
 /// Whole numbers that were rounded to float32 on their way, at a rate that no camera sends.
 void check_rounding(const std::filesystem::path& path, const torch::Tensor& time, TimeUnit unit) {
   constexpr double kMostPerSecond = 1e7;
-  const auto [low, high] = time.to(torch::kFloat64).aminmax();
-  const double largest = std::max(std::abs(low.item<double>()), std::abs(high.item<double>()));
+  const auto [least, most] = time.aminmax();
+  const double low = least.to(torch::kFloat64).item<double>();
+  const double high = most.to(torch::kFloat64).item<double>();
+  const double largest = std::max(std::abs(low), std::abs(high));
   if (largest < std::ldexp(1.0, 25)) return;  // float32 holds whole numbers up to 2^24
-  const double span_us = (high - low).item<double>() * us_per_unit(unit);
+  const double span_us = (high - low) * us_per_unit(unit);
   if (span_us == 0 || 1e6 * double(time.numel()) <= kMostPerSecond * span_us) return;
   const torch::Tensor value = time.to(torch::kFloat64);
   if (!value.eq(value.to(torch::kFloat32).to(torch::kFloat64)).all().item<bool>()) return;
