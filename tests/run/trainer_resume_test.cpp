@@ -265,18 +265,22 @@ TEST_CASE("trainer: refuses to resume with other settings or data, and says whic
   CHECK_THROWS_NAMING(CheckpointError, run::Trainer(options, run, "latest"), "dataset.path");
 }
 
-TEST_CASE("trainer: a checkpoint from before fingerprints knew events is gone on from", "[run]") {
+TEST_CASE("trainer: a checkpoint with a fingerprint of an older version is gone on from", "[run]") {
   const Scene scene;
-  const auto folder = scene.dir.path() / "run";
-  train::RunOptions options = tiny_options(scene);
-  {
-    run::Trainer old(options, folder, "");
-    old.step();
-    const std::string data =
-        run::data_fingerprint(data::load_dataset(options.dataset), run::FingerprintOf::kBefore);
-    run::save_checkpoint(folder, old.state(), {read_file(folder / "config.yaml"), data, ""}, 1);
+  const train::RunOptions options = tiny_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  for (const auto form : {run::FingerprintOf::kInOne, run::FingerprintOf::kCounts}) {
+    const auto folder =
+        scene.dir.path() / (form == run::FingerprintOf::kInOne ? "in_one" : "counts");
+    {
+      run::Trainer old(options, folder, "");
+      old.step();
+      const std::string fingerprint = run::data_fingerprint(dataset, form);
+      run::save_checkpoint(folder, old.state(),
+                           {read_file(folder / "config.yaml"), fingerprint, ""}, 1);
+    }
+    CHECK(run::Trainer(options, folder, "latest").state().step == 1);
   }
-  CHECK(run::Trainer(options, folder, "latest").state().step == 1);
 }
 
 TEST_CASE("trainer: a folder is no checkpoint to resume from", "[run]") {

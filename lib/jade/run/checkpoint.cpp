@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/checkpoint.h"
 
+#include <ATen/Parallel.h>
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -353,36 +354,61 @@ void load_checkpoint_poses(const fs::path& path, train::ExposurePoses& poses) {
   restore_parameters(read_archive(path), "poses", poses, path);
 }
 
-std::string data_fingerprint(const data::Dataset& dataset, FingerprintOf what) {
-  Sha256 digest;
+namespace {
+
+/// Adds all that a fingerprint covers of one exposure.
+void add_exposure(const data::Exposure& exposure, FingerprintOf what, Sha256& digest) {
   const auto add = [&](const auto& numbers) {
     digest.update(numbers.data(), numbers.size() * sizeof(numbers[0]));
   };
+  digest.update(concat(exposure.name, ' ', exposure.t_start_us, ' ', exposure.t_end_us, ' ',
+                       exposure.events.size(), ';'));
+  const auto pixels = exposure.blurry.contiguous();
+  digest.update(pixels.data_ptr(), pixels.nbytes());
+  for (const geometry::Pose& pose : exposure.poses) {
+    add(pose.rotation);
+    add(pose.translation);
+  }
+  if (what == FingerprintOf::kCounts) return;
+  const geometry::Intrinsics& camera = exposure.camera;
+  add(std::array{camera.fx, camera.fy, camera.cx, camera.cy});
+  if (exposure.gain != 1) digest.update(concat("gain ", exposure.gain, ';'));
+  if (exposure.mask.defined()) {
+    const torch::Tensor mask = exposure.mask.contiguous();
+    digest.update(mask.const_data_ptr(), mask.nbytes());
+  }
+  const events::EventStream& events = exposure.events;
+  for (const torch::Tensor& each : {events.x(), events.y(), events.t_us(), events.polarity()}) {
+    digest.update(each.data_ptr(), each.nbytes());
+  }
+}
+
+}  // namespace
+
+std::string data_fingerprint(const data::Dataset& dataset, FingerprintOf what) {
+  const std::vector<data::Exposure>& train = dataset.train;
+  Sha256 digest;
   // Gray frames can also train a colour scene, with other restorations.
   if (dataset.monochrome) digest.update("monochrome;");
-  for (const data::Exposure& exposure : dataset.train) {
-    digest.update(concat(exposure.name, ' ', exposure.t_start_us, ' ', exposure.t_end_us, ' ',
-                         exposure.events.size(), ';'));
-    const auto pixels = exposure.blurry.contiguous();
-    digest.update(pixels.data_ptr(), pixels.nbytes());
-    for (const geometry::Pose& pose : exposure.poses) {
-      add(pose.rotation);
-      add(pose.translation);
-    }
-    if (what == FingerprintOf::kBefore) continue;
-    const geometry::Intrinsics& camera = exposure.camera;
-    add(std::array{camera.fx, camera.fy, camera.cx, camera.cy});
-    if (exposure.gain != 1) digest.update(concat("gain ", exposure.gain, ';'));
-    if (exposure.mask.defined()) {
-      const torch::Tensor mask = exposure.mask.contiguous();
-      digest.update(mask.const_data_ptr(), mask.nbytes());
-    }
-    const events::EventStream& events = exposure.events;
-    for (const torch::Tensor& each : {events.x(), events.y(), events.t_us(), events.polarity()}) {
-      digest.update(each.data_ptr(), each.nbytes());
-    }
+  if (what != FingerprintOf::kContents) {
+    for (const data::Exposure& exposure : train) add_exposure(exposure, what, digest);
+    return digest.hex();
   }
+  std::vector<std::string> parts(train.size());
+  at::parallel_for(0, int64_t(train.size()), 1, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      Sha256 part;
+      add_exposure(train[size_t(i)], what, part);
+      parts[size_t(i)] = part.hex();
+    }
+  });
+  for (const std::string& part : parts) digest.update(part);
   return digest.hex();
+}
+
+bool had_fingerprint(const data::Dataset& dataset, const std::string& fingerprint) {
+  return fingerprint == data_fingerprint(dataset, FingerprintOf::kInOne) ||
+         fingerprint == data_fingerprint(dataset, FingerprintOf::kCounts);
 }
 
 train::RunOptions saved_options(const std::string& yaml) {

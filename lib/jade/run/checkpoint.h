@@ -68,12 +68,16 @@ void load_checkpoint_allocation(const std::filesystem::path& path, router::Alloc
 /// @throws CheckpointError, also if the checkpoint has others or none.
 void load_checkpoint_poses(const std::filesystem::path& path, train::ExposurePoses& poses);
 
-/// Contents of a fingerprint: older versions had no intrinsics and only the number of events.
-enum class FingerprintOf { kContents, kBefore };
+/// Forms of a fingerprint: over the digests of the exposures; of older versions, over all
+/// exposures in one; of even older ones, without intrinsics and with only the number of events.
+enum class FingerprintOf { kContents, kInOne, kCounts };
 
 /// SHA-256 over the training exposures: names, times, poses, intrinsics, pixels and events.
 std::string data_fingerprint(const data::Dataset& dataset,
                              FingerprintOf what = FingerprintOf::kContents);
+
+/// True if older versions gave the data set this fingerprint.
+bool had_fingerprint(const data::Dataset& dataset, const std::string& fingerprint);
 
 /// The options in a checkpoint's YAML, settled; keys that it lacks have their printed values
 /// (train::printed_options).

@@ -223,8 +223,7 @@ void Trainer::check_same_run(const fs::path& checkpoint, const CheckpointInfo& i
                              keys, ". Put them back or start a new --output"));
   }
   for (const std::string& line : difference.allowed) log_info("changed on resume: " + line);
-  if (info.fingerprint != data_.fingerprint &&
-      info.fingerprint != data_fingerprint(data_.dataset, FingerprintOf::kBefore)) {
+  if (info.fingerprint != data_.fingerprint && !had_fingerprint(data_.dataset, info.fingerprint)) {
     throw CheckpointError(
         concat(checkpoint.string(), ": made from other data than ", data_.dataset.root.string(),
                "; check dataset.path, dataset.color and whether its events or its camera changed"));
