@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <ATen/Parallel.h>
 #include <zlib.h>
 
 #include "jade/core/error.h"
@@ -29,7 +30,7 @@ std::string unpacked(const std::string& packed, size_t size) {
 }  // namespace
 
 TEST_CASE("gzip: what goes in comes out, whatever its length", "[io]") {
-  for (const size_t size : {0, 1, 1000, 300000}) {
+  for (const size_t size : {0, 1, 1000, 262143, 262144, 262145, 786432, 1000000}) {
     std::string bytes;
     for (size_t k = 0; k < size; ++k) bytes += static_cast<char>(k * k % 251);
     const std::string packed = io::gzip(bytes);
@@ -45,4 +46,21 @@ TEST_CASE("gzip: what goes in comes out, whatever its length", "[io]") {
   CHECK_THROWS_AS(io::gunzip("no gzip at all", "a"), DataError);
   CHECK_FALSE(io::is_gzip(""));
   CHECK(io::gzip(std::string(100000, 'a')).size() < 1000);
+}
+
+TEST_CASE("gzip: blocks refer to those before, and threads do not change the result", "[io]") {
+  std::string bytes;
+  uint32_t random = 1;
+  for (size_t k = 0; k < 20000; ++k) {
+    random = random * 1664525 + 1013904223;
+    bytes += static_cast<char>(random >> 24);
+  }
+  std::string many;
+  for (int k = 0; k < 60; ++k) many += bytes;
+  const std::string packed = io::gzip(many);
+  CHECK(packed.size() < 2 * bytes.size());
+  const int threads = at::get_num_threads();
+  at::set_num_threads(threads == 1 ? 2 : 1);
+  CHECK(io::gzip(many) == packed);
+  at::set_num_threads(threads);
 }

@@ -6,7 +6,8 @@
 
 namespace jade::io {
 
-/// Compresses bytes to a gzip file (RFC 1952) at zlib's default level.
+/// Compresses bytes to a gzip file (RFC 1952) of one member at zlib's default level, on all
+/// threads. The result does not depend on their number.
 /// @throws DataError if zlib fails.
 std::string gzip(const std::string& content);
 
