@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 namespace jade::run {
@@ -61,12 +62,13 @@ class Step {
   std::vector<int64_t> touched_;
 };
 
-EventFilm film_of(const data::Exposure& exposure, const Grid& grid) {
+/// The film, or its beginning if it takes more than `limit` bytes.
+EventFilm film_of(const data::Exposure& exposure, const Grid& grid, size_t limit) {
   const auto [bins, cell] = grid;
   const int64_t width = exposure.camera.width, height = exposure.camera.height;
   EventFilm film{bins, (width + cell - 1) / cell, (height + cell - 1) / cell, cell, 0, 0, {}};
   Step step(film.columns * film.rows);
-  for (int64_t bin = 0; bin < bins; ++bin) {
+  for (int64_t bin = 0; bin < bins && film.bytes.size() <= limit; ++bin) {
     const auto bound = [&](int64_t k) {
       return exposure.t_start_us + exposure.duration_us() * k / bins;
     };
@@ -93,8 +95,9 @@ EventFilm film_of(const data::Exposure& exposure, const Grid& grid) {
 EventFilm event_film(const data::Exposure& exposure, size_t limit) {
   EventFilm film;
   if (exposure.duration_us() <= 0 || exposure.events.empty()) return film;
-  for (const Grid& grid : kGrids) {
-    film = film_of(exposure, grid);
+  for (size_t i = 0; i < kGrids.size(); ++i) {
+    const bool coarsest = i + 1 == kGrids.size();
+    film = film_of(exposure, kGrids[i], coarsest ? SIZE_MAX : limit);
     if (film.bytes.size() <= limit) break;
   }
   return film;
