@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/page/page.h"
 
+#include <initializer_list>
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "jade/page/base64.h"
 #include "jade/page/front.h"
@@ -21,9 +21,11 @@ std::string inside_script(std::string text) {
 
 /// Replaces the placeholders of the page, which must be in this order.
 std::string filled(std::string_view html,
-                   const std::vector<std::pair<std::string_view, std::string>>& texts) {
+                   std::initializer_list<std::pair<std::string_view, std::string_view>> texts) {
   std::string page;
-  size_t from = 0;
+  size_t from = 0, size = html.size();
+  for (const auto& [mark, text] : texts) size += text.size();
+  page.reserve(size);
   for (const auto& [mark, text] : texts) {
     const size_t at = html.find(mark, from);
     page.append(html, from, at - from).append(text);
@@ -33,18 +35,18 @@ std::string filled(std::string_view html,
 }
 
 /// @param connect  directives for the policy
-std::string scene_page(const std::string& json, const std::string& spz, const char* connect) {
+std::string scene_page(std::string json, const std::string& spz, const char* connect) {
   return filled(kHtml, {{"@CONNECT@", connect},
                         {"@STYLE@", kStyle},
-                        {"@DATA@", inside_script(json)},
+                        {"@DATA@", inside_script(std::move(json))},
                         {"@SCENE@", base64(spz)},
                         {"@SCRIPT@", kScript}});
 }
 
 }  // namespace
 
-std::string report_page(const std::string& json, const std::string& spz) {
-  return scene_page(json, spz, "");
+std::string report_page(std::string json, const std::string& spz) {
+  return scene_page(std::move(json), spz, "");
 }
 
 std::string live_page(const std::string& json) {

@@ -16,7 +16,7 @@ namespace jade::page {
 ///   "height", "fx", "fy", "cx", "cy", "poses": [rows of camera_from_world, 12 numbers]}]}}, at
 ///   least one camera.
 /// @param spz  the scene from gaussians::encode_spz(); empty: only pictures.
-std::string report_page(const std::string& json, const std::string& spz);
+std::string report_page(std::string json, const std::string& spz);
 
 /// Live page: the server of the page (serve/server.h), the only address that the page may contact,
 /// renders the scene.

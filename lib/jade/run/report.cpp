@@ -309,9 +309,9 @@ void write_report(const fs::path& run, const data::Dataset& dataset, const train
          {"pictures",
           {pictures.add("render", render, view.image), pictures.add("truth", view.image)}}});
   }
-  for (size_t i = 0; i < shown.size(); ++i) data["views"][i]["events"] = films[i].get();
   pictures.put_into(data["views"]);
   pictures.put_into(data["tests"]);
+  for (size_t i = 0; i < shown.size(); ++i) data["views"][i]["events"] = films[i].get();
   data["headline"] =
       headline(dataset, bank, state, draw, train::learns_gains(options.gains, dataset));
   data["scene"] = page_scene(dataset, draw);
