@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/data/event_consistency.h"
 
+#include <ATen/Parallel.h>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -160,11 +161,12 @@ PixelCurves::PixelCurves(const events::EventStream& events, const events::ImageS
   const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
   const int64_t* t = events.t_us().const_data_ptr<int64_t>();
   const int8_t* p = events.polarity().const_data_ptr<int8_t>();
-  for (int64_t i = 0; i < events.size(); ++i) {
-    if (!(x[i] >= 0 && x[i] < float(size.width) && y[i] >= 0 && y[i] < float(size.height)))
-      continue;
-    const int64_t pixel = number[size_t(int64_t(y[i]) * size.width + int64_t(x[i]))];
-    if (pixel < 0) continue;
+  const auto pixel_of = [&](int64_t i) {
+    const bool inside =
+        x[i] >= 0 && x[i] < float(size.width) && y[i] >= 0 && y[i] < float(size.height);
+    return inside ? number[size_t(int64_t(y[i]) * size.width + int64_t(x[i]))] : -1;
+  };
+  const auto add = [&](int64_t pixel, int64_t i) {
     Last& before = last[size_t(pixel)];
     const double time = double(t[i]);
     double wait = std::min(time - before.t_us, kLongestStep_us);
@@ -172,6 +174,21 @@ PixelCurves::PixelCurves(const events::EventStream& events, const events::ImageS
     if (before.polarity != p[i]) wait *= 0.25;
     steps_.push_back({pixel, time - wait, time, p[i] > 0});
     before = {time, p[i]};
+  };
+  // Few events are at these pixels; all threads search for them.
+  const int64_t parts = (events.size() + events::kEventGrain - 1) / events::kEventGrain;
+  std::vector<std::vector<int64_t>> found(static_cast<size_t>(parts));
+  at::parallel_for(0, parts, 1, [&](int64_t part, int64_t last_part) {
+    for (; part < last_part; ++part) {
+      const int64_t begin = part * events::kEventGrain;
+      const int64_t end = std::min(begin + events::kEventGrain, events.size());
+      for (int64_t i = begin; i < end; ++i) {
+        if (pixel_of(i) >= 0) found[size_t(part)].push_back(i);
+      }
+    }
+  });
+  for (const std::vector<int64_t>& part : found) {
+    for (const int64_t i : part) add(pixel_of(i), i);
   }
 }
 
