@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Implements the COLMAP commands that jade_import uses, with the Python package pycolmap instead of the program.
 
-    colmap.py feature_extractor|exhaustive_matcher|matches_importer|mapper --NAME VALUE ...
+    colmap.py feature_extractor|exhaustive_matcher|matches_importer|mapper|global_mapper --NAME VALUE ...
     colmap.py reverse_depths --database_path FILE --image_path DIR --input_path MODEL --output_path MODEL
                              --refine_focal_length 0|1
     colmap.py version
@@ -27,9 +27,12 @@ MOVED = {
     "Mapper.tri_min_angle": "pipeline.triangulation.min_angle",
     "Mapper.init_min_tri_angle": "pipeline.mapper.init_min_tri_angle",
     "Mapper.filter_min_tri_angle": "pipeline.mapper.filter_min_tri_angle",
+    "GlobalMapper.ba_refine_focal_length": "global.mapper.bundle_adjustment.refine_focal_length",
+    "GlobalMapper.ba_refine_principal_point": "global.mapper.bundle_adjustment.refine_principal_point",
+    "GlobalMapper.ba_refine_extra_params": "global.mapper.bundle_adjustment.refine_extra_params",
 }
 GROUPS = {"ImageReader": "reader", "SiftExtraction": "extraction.sift", "SiftMatching": "matching.sift",
-          "Mapper": "pipeline"}
+          "Mapper": "pipeline", "GlobalMapper": "global"}
 PAIRS_PER_BLOCK = 100  # the log has one line per block
 TRACKS = 600  # the longest ones, which decide between a model and its reverse
 ADJUSTMENTS = 40  # iterations
@@ -166,6 +169,10 @@ def main():
         return
     objects = {"reader": pycolmap.ImageReaderOptions(), "extraction": pycolmap.FeatureExtractionOptions(),
                "matching": pycolmap.FeatureMatchingOptions(), "pipeline": pycolmap.IncrementalPipelineOptions()}
+    if command == "global_mapper":
+        if not hasattr(pycolmap, "global_mapping"):
+            fail(f"pycolmap {pycolmap.__version__} has no global mapping; expected 4.0 or later")
+        objects["global"] = pycolmap.GlobalPipelineOptions()
     single = options.pop("ImageReader.single_camera", "0") == "1"
     if not hasattr(objects["pipeline"], "random_seed"):  # older versions
         options.pop("Mapper.random_seed", None)
@@ -189,8 +196,13 @@ def main():
         models = path_of(paths, "output_path")
         Path(models).mkdir(parents=True, exist_ok=True)
         pycolmap.incremental_mapping(database, path_of(paths, "image_path"), models, options=objects["pipeline"])
+    elif command == "global_mapper":
+        models = path_of(paths, "output_path")
+        Path(models).mkdir(parents=True, exist_ok=True)
+        pycolmap.global_mapping(database, path_of(paths, "image_path"), models, options=objects["global"])
     else:
-        fail(f"{command}: expected feature_extractor, exhaustive_matcher, matches_importer, mapper or reverse_depths")
+        fail(f"{command}: expected feature_extractor, exhaustive_matcher, matches_importer, mapper, global_mapper or "
+             "reverse_depths")
 
 
 if __name__ == "__main__":

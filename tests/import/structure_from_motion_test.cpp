@@ -172,6 +172,35 @@ TEST_CASE("poses: of several mappings of the same matches the one with the small
   CHECK(result.attempts[0].error_px == Approx(0.05));
 }
 
+TEST_CASE("poses: a global model of all images that explains the blur is enough", "[import]") {
+  const std::string says =
+      "[ \"$2\" = -h ] && echo \"--GlobalMapper.ba_refine_focal_length arg (=1)\" && exit 0\n"
+      "echo \"$@\" >> ${0%/*}/calls.txt\n";
+  const auto global = [&](const std::string& mapper) {
+    return says + "if [ $1 = global_mapper ]; then shift; set -- mapper \"$@\"\n" + mapper +
+           "exit 0; fi\n" + mapper_of(4);
+  };
+  Search enough(global(mapper_of(4)));
+  enough.capture.camera = geometry::Intrinsics::centred(25, 30, 20);
+  CHECK(enough.find().attempts.size() == 1);
+  const std::string calls = read_file(enough.dir / "calls.txt");
+  CHECK_THAT(calls, Catch::Contains("--GlobalMapper.ba_refine_focal_length 0") &&
+                        Catch::Contains("usual_global") && !Catch::Contains("\nmapper"));
+  // With an unknown focal length there is no global mapping.
+  Search unknown(global(mapper_of(4)));
+  unknown.find();
+  CHECK_THAT(read_file(unknown.dir / "calls.txt"), !Catch::Contains("usual_global"));
+  // One that leaves out an image, and none, are followed by incremental mappings.
+  for (const std::string& mapper : {mapper_of(3), std::string()}) {
+    Search few(global(mapper));
+    few.capture.camera = enough.capture.camera;
+    const import::SearchResult result = few.find();
+    CHECK(result.best.poses.size() == 4);
+    CHECK(result.attempts.size() == 1);
+    CHECK_THAT(read_file(few.dir / "calls.txt"), Catch::Contains("\nmapper"));
+  }
+}
+
 TEST_CASE("poses: of many images only neighbours and one of each shot are compared", "[import]") {
   std::vector<import::LatentImage> images;
   for (int64_t shot = 0; shot < 60; ++shot) {

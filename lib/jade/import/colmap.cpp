@@ -16,6 +16,7 @@
 #include "jade/core/child.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/log.h"
 #include "jade/core/progress.h"
 #include "jade/io/colmap.h"
 #include "jade/recording/python.h"
@@ -28,7 +29,8 @@ namespace fs = std::filesystem;
 /// Number of mappings of the same matches at once. Incremental mapping is random, and about one
 /// model in eight is wrong, with a larger error as its only sign: on a recording that rests and
 /// then shakes, seven of eight models agreed within 0.1 px, and the eighth was 22 px off with all
-/// images placed. On two cores the poses of 166 images take 90 s with two and 110 s with three.
+/// images placed. All can be wrong: on three such recordings of 16 exposures both of two were 3 to
+/// 61 px off.
 int mappings() { return at::get_num_threads() < 4 ? 2 : 3; }
 
 /// COLMAP would open a window system, and often there is none.
@@ -81,6 +83,17 @@ std::function<void(const std::string&, Seen&)> following_mapper() {
     } else if (holds(line, "lobal bundle adjustment")) {
       seen.now = concat("adjustment ", ++adjusted, " of all cameras");
     }
+  };
+}
+
+/// Reads the global mapper's progress: the number of steps that have ended, and the current one.
+std::function<void(const std::string&, Seen&)> following_global_mapper() {
+  return [begun = int64_t{0}](const std::string& line, Seen& seen) mutable {
+    constexpr char kMark[] = "=== Running ";
+    const size_t mark = line.find(kMark);
+    if (mark == std::string::npos) return;
+    const size_t name = mark + sizeof kMark - 1;
+    seen = {begun++, line.substr(name, line.rfind(" ===") - name)};
   };
 }
 
@@ -208,6 +221,20 @@ const char* refines_focal_length(const ColmapJob& job, const ColmapSettings& set
   return job.camera || settings.hold_focal_length ? "0" : "1";
 }
 
+/// The folders of the models that a mapping wrote; logs in one line that there are none.
+std::vector<fs::path> models_in(const fs::path& output, const fs::path& log) {
+  std::vector<fs::path> found;
+  for (const auto& entry : fs::directory_iterator(output)) {
+    if (entry.is_directory() && io::is_colmap_model(entry.path())) found.push_back(entry.path());
+  }
+  std::sort(found.begin(), found.end());
+  if (found.empty()) {
+    log_info(concat("  ", output.filename().string(), ": no model: ", last_line(log), "; see ",
+                    log.string()));
+  }
+  return found;
+}
+
 }  // namespace
 
 std::vector<std::string> find_colmap(const fs::path& wanted) {
@@ -265,6 +292,25 @@ void match_features(const ColmapJob& job, const ColmapSettings& settings, const 
   run_or_throw(match, log);
 }
 
+std::vector<fs::path> reconstruct_globally(const ColmapJob& job, const ColmapSettings& settings,
+                                           const fs::path& folder) {
+  // An older package ends with an error.
+  if (job.program.size() == 1 &&
+      !knows(job, "global_mapper", "--GlobalMapper.ba_refine_focal_length", folder / "help.txt")) {
+    return {};
+  }
+  const fs::path output = folder / (settings.name + "_global");
+  make_writable_folder(output);
+  Step map{"COLMAP: poses", call(job, "global_mapper"), 5, "steps", following_global_mapper()};
+  append(map.command,
+         {"--database_path", (folder / "database.db").string(), "--image_path", job.images.string(),
+          "--output_path", output.string(), "--GlobalMapper.random_seed", "1",
+          "--GlobalMapper.ba_refine_principal_point", "0", "--GlobalMapper.ba_refine_extra_params",
+          "0", "--GlobalMapper.ba_refine_focal_length", refines_focal_length(job, settings)});
+  run_step(map, folder / "colmap.log");
+  return models_in(output, folder / "colmap.log");
+}
+
 std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& settings,
                                   const fs::path& folder) {
   std::vector<std::string> command = call(job, "mapper");
@@ -287,23 +333,23 @@ std::vector<fs::path> reconstruct(const ColmapJob& job, const ColmapSettings& se
     if (seeds) append(words, {"--Mapper.random_seed", concat(mapping + 1)});
     return words;
   };
+  const auto log_of = [&](int mapping) {
+    return folder / (mapping == 0 ? "colmap.log" : concat("mapper_", mapping, ".log"));
+  };
   const int count = mappings();
   std::vector<Child> others;
   for (int k = 1; k < count; ++k) {
-    others.emplace_back(command_of(k), kNoWindows, folder / concat("mapper_", k, ".log"));
+    others.emplace_back(command_of(k), kNoWindows, log_of(k));
   }
   // One more than the images, to leave room for the final adjustment.
   const Step map{"COLMAP: poses", command_of(0), job.count + 1, "images", following_mapper()};
   // The exit codes are unreliable: a search without result succeeds in some versions.
-  run_step(map, folder / "colmap.log");
+  run_step(map, log_of(0));
   for (Child& other : others) wait_for(other);
   std::vector<fs::path> found;
   for (int k = 0; k < count; ++k) {
-    for (const auto& entry : fs::directory_iterator(models_of(k))) {
-      if (entry.is_directory() && io::is_colmap_model(entry.path())) found.push_back(entry.path());
-    }
+    for (const fs::path& model : models_in(models_of(k), log_of(k))) found.push_back(model);
   }
-  std::sort(found.begin(), found.end());
   return found;
 }
 

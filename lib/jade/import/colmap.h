@@ -49,7 +49,15 @@ struct ColmapSettings {
 void match_features(const ColmapJob& job, const ColmapSettings& settings,
                     const std::filesystem::path& folder);
 
-/// Reconstructs from FOLDER/database.db several times at once, into FOLDER/NAME_0 and so on.
+/// Reconstructs from FOLDER/database.db all images at once with the global mapper of COLMAP 4, into
+/// FOLDER/NAME_global.
+/// @return the folders of all resulting models, none if this COLMAP has no such mapper or it fails
+std::vector<std::filesystem::path> reconstruct_globally(const ColmapJob& job,
+                                                        const ColmapSettings& settings,
+                                                        const std::filesystem::path& folder);
+
+/// Reconstructs incrementally from FOLDER/database.db, several times at once, into FOLDER/NAME_0
+/// and so on.
 /// @return the folders of all resulting models, none if no initial pair of images was found
 std::vector<std::filesystem::path> reconstruct(const ColmapJob& job, const ColmapSettings& settings,
                                                const std::filesystem::path& folder);
