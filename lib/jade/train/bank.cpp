@@ -8,6 +8,7 @@
 
 #include "jade/core/check.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/machine_memory.h"
 #include "jade/core/progress.h"
 #include "jade/events/voxel.h"
 #include "jade/imaging/image_io.h"
@@ -41,6 +42,7 @@ torch::Tensor fetched(const torch::Tensor& tensor, torch::Device device) {
   if (!tensor.defined() || tensor.device().type() == device.type()) {
     return tensor.defined() ? tensor.to(torch::kFloat32) : tensor;
   }
+  if (tensor.is_pinned()) return tensor.to(device, /*non_blocking=*/true).to(torch::kFloat32);
   const torch::Tensor locked = torch::empty_like(tensor, tensor.options().pinned_memory(true));
   locked.copy_(tensor);
   return locked.to(device, /*non_blocking=*/true).to(torch::kFloat32);
@@ -64,6 +66,16 @@ int64_t bytes_of(const PerView& kind) {
 
 void move(PerView& kind, torch::Device device) {
   for (torch::Tensor& each : kind) each = each.to(device);
+}
+
+/// Page-locks tensors on the CPU, so that steps need not copy them first, as far as a quarter of the
+/// machine's memory allows.
+void lock_pages(std::initializer_list<PerView*> kinds) {
+  Budget budget(static_cast<int64_t>(0.25 * machine_memory()));
+  for (PerView* const kind : kinds) {
+    if (kind->empty() || !kind->front().is_cpu() || !budget.take(bytes_of(*kind))) continue;
+    for (torch::Tensor& each : *kind) each = each.pin_memory();
+  }
 }
 
 bool has_masks(const data::Dataset& dataset) {
@@ -257,6 +269,7 @@ void ViewBank::place(int64_t most_bytes) {
     place_kinds({&edi_, &target_edi_});
   }
   if (budget.take(bytes_of(efnet_)) || all) place_kinds({&efnet_});
+  if (!all) lock_pages({&frames_, &masks_, &fixed_targets_, &edi_, &target_edi_, &efnet_});
   if (is_routed()) {
     place_kinds({&psi_, &reblur_kernel_, &middle_edi_, &middle_efnet_, &middle_psi_,
                  &middle_reblur_kernel_});
