@@ -81,6 +81,29 @@ TEST_CASE("cameras: files that are no list of cameras are reported in plain word
              Catch::Contains("entry 0: ") && !Catch::Contains("json.exception"));
 }
 
+TEST_CASE("cameras: what is wrong with a matrix is said", "[data]") {
+  const test::TempDir dir;
+  const auto load = [&](const std::string& pose) {
+    return read_cameras(
+        dir.write("own.json", "[{\"width\":4,\"height\":3,\"fx\":5," + pose + "}]"));
+  };
+  const auto matrix = [&](const std::string& rows) {
+    return load("\"camera_from_world\":" + rows);
+  };
+  CHECK_THROWS_NAMING(DataError, matrix("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[2,3,4,1]]"), "own.json",
+                      "entry 0", "camera_from_world", "transposed");
+  CHECK_THROWS_NAMING(DataError, matrix("[[2,0,0,0],[0,2,0,0],[0,0,2,0]]"), "scaled by 2");
+  CHECK_THROWS_NAMING(DataError, matrix("[[-1,0,0,0],[0,1,0,0],[0,0,1,0]]"), "mirrored");
+  CHECK_THROWS_NAMING(DataError, matrix("[[1,0,0],[0,1,0],[0,0,1],[2,3,4]]"), "[1,0,0]");
+  CHECK_THROWS_NAMING(DataError, matrix("[[1,0,0,0],[0,1,0,0]]"), "[[1,0,0,0],[0,1,0,0]]");
+  CHECK(matrix("[[1,0,0,5],[0,1,0,0],[0,0,1,0],[0,0,0,1]]").size() == 1);
+  const auto turned = [&](const std::string& rows) {
+    return load("\"position\":[0,0,0],\"rotation\":" + rows);
+  };
+  CHECK_THROWS_NAMING(DataError, turned("[[1,0,0],[0,1,0],[0,0,-1]]"), "\"rotation\"", "mirrored");
+  CHECK_THROWS_NAMING(DataError, turned("[[3,0,0],[0,3,0],[0,0,3]]"), "scaled by 3");
+}
+
 TEST_CASE("cameras: a name with a NUL, which ends a file's name early, is refused", "[data]") {
   const test::TempDir dir;
   const auto path = dir.write("own.json",

@@ -6,6 +6,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/data/pose_matrix.h"
 
 namespace jade::data {
 namespace {
@@ -27,27 +28,23 @@ T required(const json& entry, const json& defaults, const std::string& key) {
 }
 
 geometry::Pose pose_of(const json& entry) {
-  geometry::Pose pose;
   if (entry.contains("camera_from_world")) {
-    const auto rows = entry.at("camera_from_world").get<std::vector<std::vector<double>>>();
-    if (rows.size() < 3) throw DataError("expected \"camera_from_world\" with 3 or 4 rows");
-    for (size_t r = 0; r < 3; ++r) {
-      for (size_t c = 0; c < 3; ++c) pose.rotation[3 * r + c] = rows[r].at(c);
-      pose.translation[r] = rows[r].at(3);
-    }
-    pose.rotation = geometry::nearest_rotation(pose.rotation);
-    return pose;
+    return rigid_pose(entry.at("camera_from_world"),
+                      "expected \"camera_from_world\" to be 3 or 4 rows of a rotation and "
+                      "translation (x right, y down, z forward)");
   }
   if (!entry.contains("position") || !entry.contains("rotation")) {
     throw DataError("expected \"camera_from_world\", or \"position\" with \"rotation\"");
   }
   const auto rows = entry.at("rotation").get<std::vector<std::vector<double>>>();
   const auto position = entry.at("position").get<std::vector<double>>();
+  geometry::Matrix3 rotation;
   for (size_t r = 0; r < 3; ++r) {
-    for (size_t c = 0; c < 3; ++c) pose.rotation[3 * r + c] = rows.at(c).at(r);
+    for (size_t c = 0; c < 3; ++c) rotation[3 * r + c] = rows.at(c).at(r);
   }
-  return geometry::pose_at_centre(geometry::nearest_rotation(pose.rotation),
-                                  {position.at(0), position.at(1), position.at(2)});
+  return geometry::pose_at_centre(
+      rotation_near(rotation, "expected \"rotation\" to be 3x3, world from camera"),
+      {position.at(0), position.at(1), position.at(2)});
 }
 
 NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
@@ -133,8 +130,6 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
     const std::string text = problem.what();
     if (text.find(path.string()) == 0) throw;
     throw DataError(concat(path.string(), ": entry ", index, ": ", text));
-  } catch (const ContractError&) {
-    throw DataError(concat(path.string(), ": entry ", index, ": its rotation is none"));
   }
   if (cameras.empty()) throw DataError(concat(path.string(), ": expected at least one camera"));
   return cameras;

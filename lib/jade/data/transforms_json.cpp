@@ -2,7 +2,6 @@
 #include "jade/data/transforms_json.h"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cmath>
 #include <iterator>
@@ -10,6 +9,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/data/pose_matrix.h"
 
 namespace jade::data {
 namespace {
@@ -42,54 +42,9 @@ double number(const json& object, const std::string& key, double otherwise,
                          object[key].dump().substr(0, 40), "; correct it"));
 }
 
-/// Why a 3x3 matrix is not a rotation, and what to do.
-std::string fault_of(const geometry::Matrix3& m) {
-  const double determinant = m[0] * (m[4] * m[8] - m[5] * m[7]) -
-                             m[1] * (m[3] * m[8] - m[5] * m[6]) +
-                             m[2] * (m[3] * m[7] - m[4] * m[6]);
-  const double scale = std::cbrt(std::abs(determinant));
-  if (!(scale > 1e-6)) {
-    return "axes that do not span the space (determinant 0); remove the frame or correct its pose";
-  }
-  if (determinant < 0) {
-    return concat("a mirrored one (determinant ", determinant,
-                  "); negate the axis that was flipped, or export in right-handed axes");
-  }
-  if (std::abs(scale - 1) > 0.05) {
-    return concat("a rotation scaled by ", scale, "; divide its first three columns by that");
-  }
-  return "axes that are not perpendicular; correct the pose";
-}
-
 /// Keys of cameras that no pinhole can replace, with a description.
 constexpr std::pair<const char*, const char*> kUnlikePinholes[] = {
     {"ftheta_p0", "an f-theta lens"}, {"latlong", "a picture of all around"}};
-
-/// Whether the values are 0, 0, 0 and 1 up to rounding.
-bool is_last_row(const std::array<double, 4>& values) {
-  constexpr double kRounding = 1e-4;
-  for (size_t i = 0; i < 4; ++i) {
-    if (!(std::abs(values[i] - (i == 3 ? 1 : 0)) < kRounding)) return false;
-  }
-  return true;
-}
-
-/// Why the last row of a 4x4 matrix is wrong, and what to do; empty if it is 0, 0, 0, 1.
-/// @param m the rows above it
-std::string fault_of_last_row(const json& row, const double (&m)[3][4]) {
-  std::array<double, 4> last{};
-  if (!row.is_array() || row.size() != 4) return row.dump().substr(0, 40) + "; correct it";
-  for (size_t i = 0; i < 4; ++i) {
-    if (!row[i].is_number()) return row.dump().substr(0, 40) + "; correct it";
-    last[i] = row[i].get<double>();
-  }
-  if (is_last_row(last)) return "";
-  const std::string found = "the last row " + row.dump().substr(0, 80) + " in place of [0,0,0,1]";
-  if (is_last_row({m[0][3], m[1][3], m[2][3], last[3]})) {
-    return found + ", which is its last column: the matrix looks transposed; store it by rows";
-  }
-  return found + "; correct it";
-}
 
 /// The value of a key, of the frame or else of the file; empty if neither has it.
 std::string text_value(const json& root, const json& frame, const char* key) {
@@ -172,41 +127,12 @@ std::string text_of(const json& frame, const char* key, const std::string& where
 }
 
 geometry::Pose pose_of_matrix(const json& matrix, const std::string& where) {
-  double m[3][4];
-  const auto wrong = [&](const std::string& found) {
-    return DataError(concat(where,
-                            ": expected 'transform_matrix' to be a 4x4 rotation and "
-                            "translation, world_from_camera in OpenGL axes, found ",
-                            found));
-  };
-  const auto malformed = [&](const json& part) {
-    return wrong(part.dump().substr(0, 40) + "; correct it");
-  };
-  if (!matrix.is_array() || matrix.size() < 3) throw malformed(matrix);
-  for (size_t row = 0; row < 3; ++row) {
-    if (!matrix[row].is_array() || matrix[row].size() != 4) throw malformed(matrix[row]);
-    for (size_t column = 0; column < 4; ++column) {
-      if (!matrix[row][column].is_number()) throw malformed(matrix[row]);
-      m[row][column] = matrix[row][column].get<double>();
-      if (!std::isfinite(m[row][column])) throw malformed(matrix[row]);
-    }
-  }
-  if (matrix.size() > 3) {
-    if (const std::string fault = fault_of_last_row(matrix[3], m); !fault.empty()) {
-      throw wrong(fault);
-    }
-  }
-  geometry::Pose world_from_camera;
-  for (size_t row = 0; row < 3; ++row) {
-    for (size_t column = 0; column < 3; ++column) {
-      world_from_camera.rotation[3 * row + column] = column == 0 ? m[row][0] : -m[row][column];
-    }
-    world_from_camera.translation[row] = m[row][3];
-  }
-  try {
-    world_from_camera.rotation = geometry::nearest_rotation(world_from_camera.rotation);
-  } catch (const ContractError&) {
-    throw wrong(fault_of(world_from_camera.rotation));
+  geometry::Pose world_from_camera =
+      rigid_pose(matrix, concat(where,
+                                ": expected 'transform_matrix' to be a 4x4 rotation and "
+                                "translation, world_from_camera in OpenGL axes"));
+  for (size_t i = 0; i < 9; ++i) {
+    if (i % 3 > 0) world_from_camera.rotation[i] = -world_from_camera.rotation[i];
   }
   return geometry::inverse(world_from_camera);
 }
