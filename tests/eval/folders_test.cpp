@@ -7,8 +7,11 @@
 #include <opencv2/imgcodecs.hpp>
 #include <torch/types.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "jade/imaging/image_io.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::eval {
@@ -30,6 +33,33 @@ TEST_CASE("compare_folders: pairs by name, and each name in the truth must be th
                     Catch::Contains("expected 21x16"));
   imaging::write_image(dir / "truth/c.png", image);
   CHECK_THROWS_AS(compare_folders(dir / "renders", dir / "truth", lpips), DataError);
+}
+
+TEST_CASE("compare_folders: two images of one name are refused, unused renders are named",
+          "[eval]") {
+  const test::TempDir dir;
+  const Lpips lpips(torch::kCPU);
+  const torch::Tensor image = torch::rand({3, 16, 20});
+  for (const char* name : {"truth/a.png", "renders/a.png", "renders/a_depth.png"}) {
+    imaging::write_image(dir / name, image);
+  }
+  const auto said = [&] {
+    set_log_file(dir / "said.log");
+    compare_folders(dir / "renders", dir / "truth", lpips);
+    set_log_file({});
+    return read_file(dir / "said.log");
+  };
+  CHECK_THAT(said(), !test::naming("warning"));
+  for (const char name : {'b', 'c', 'd', 'e', 'f', 'g'}) {
+    imaging::write_image(dir / concat("renders/", name, ".png"), image);
+  }
+  CHECK_THAT(said(), test::naming("warning", "b.png", "f.png and 1 more"));
+  for (const std::string folder : {"truth", "renders"}) {
+    imaging::write_image(dir / (folder + "/a.bmp"), image);
+    CHECK_THROWS_NAMING(DataError, compare_folders(dir / "renders", dir / "truth", lpips), folder,
+                        "a.png", "a.bmp");
+    std::filesystem::remove(dir / (folder + "/a.bmp"));
+  }
 }
 
 /// An RGBA picture whose left half is transparent.

@@ -44,17 +44,51 @@ MaskedTruth read_truth(const fs::path& path, const torch::Tensor& of_all, const 
   return truth;
 }
 
+/// Images of a folder by their names without extension.
+/// @throws DataError if two share a name.
+std::map<std::string, fs::path> images_by_name(const fs::path& folder) {
+  std::map<std::string, fs::path> by_name;
+  for (const fs::path& path : imaging::list_images(folder)) {
+    const auto [at, added] = by_name.try_emplace(path.stem().string(), path);
+    if (added) continue;
+    throw DataError(concat(folder.string(), ": expected one image per name, found ",
+                           at->second.filename().string(), " and ", path.filename().string(),
+                           "; remove one"));
+  }
+  return by_name;
+}
+
+/// Warns of renders that no truth used.
+/// @param unused  by name
+void warn_of_unused(const fs::path& renders, const std::map<std::string, fs::path>& unused,
+                    size_t all) {
+  constexpr size_t kNamed = 5;
+  if (unused.empty()) return;
+  std::string names;
+  size_t named = 0;
+  for (const auto& [name, path] : unused) {
+    if (named == kNamed) break;
+    names += (named++ == 0 ? "" : ", ") + path.filename().string();
+  }
+  if (unused.size() > named) names += concat(" and ", unused.size() - named, " more");
+  log_warn(concat(renders.string(), ": expected a truth for each of ", all, " renders, found none ",
+                  "for ", names, ", which are not scored; add truths or remove the renders"));
+}
+
 }  // namespace
 
 Evaluation compare_folders(const fs::path& renders, const fs::path& truth, const Lpips& lpips,
                            const fs::path& mask) {
-  std::map<std::string, fs::path> by_name;
-  for (const fs::path& path : imaging::list_images(renders)) by_name[path.stem().string()] = path;
+  const std::map<std::string, fs::path> by_name = images_by_name(renders);
+  std::map<std::string, fs::path> unused = by_name;
   const torch::Tensor of_all = mask.empty() ? torch::Tensor() : imaging::read_mask(mask);
   std::vector<Scores> scores;
   int64_t masked = 0, composited = 0;
   double excluded = 0;
+  images_by_name(truth);  // Refuses two of one name.
   for (const fs::path& path : imaging::list_images(truth)) {
+    unused.erase(path.stem().string());
+    unused.erase(path.stem().string() + "_depth");  // Of jade_render --depth, beside the render.
     const auto found = by_name.find(path.stem().string());
     if (found == by_name.end()) {
       throw DataError(concat(renders.string(), ": expected an image named ", path.stem().string(),
@@ -74,6 +108,7 @@ Evaluation compare_folders(const fs::path& renders, const fs::path& truth, const
     excluded += scores.back().excluded;
   }
   if (scores.empty()) throw DataError(concat(truth.string(), ": expected images, found none"));
+  warn_of_unused(renders, unused, by_name.size());
   if (masked > 0) {
     log_info(concat(truth.string(), ": ", masked, " of ", scores.size(),
                     " truths have pixels that do not count (alpha or mask), ",
