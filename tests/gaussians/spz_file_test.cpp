@@ -4,6 +4,7 @@
 #include "support/catch.h"
 
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <zlib.h>
 
@@ -12,6 +13,7 @@
 #include "jade/core/error.h"
 #include "jade/core/log.h"
 #include "jade/gaussians/gaussian_model.h"
+#include "jade/io/gzip.h"
 #include "random_gaussians.h"
 #include "support/naming.h"
 #include "support/temp_dir.h"
@@ -31,6 +33,13 @@ std::string gunzip(const std::filesystem::path& path) {
   REQUIRE(size > 0);
   content.resize(static_cast<size_t>(size));
   return content;
+}
+
+/// A file of degree 0 with the degree 4 in its header and `rest` bytes of SH.
+std::string of_degree_4(const std::string& packed, size_t rest) {
+  std::string content = io::gunzip(packed, "");
+  content[12] = 4;
+  return io::gzip(content + std::string(rest, '\x80'));
 }
 
 double fixed24(const std::string& content, size_t at, int bits) {
@@ -121,6 +130,56 @@ TEST_CASE("spz file: one Gaussian far away, for which all others lose digits, is
   CHECK_THAT(said(), !test::naming("units"));
   g.means[3][0] = 1e6;
   CHECK_THAT(said(), test::naming("0.125 units"));
+}
+
+TEST_CASE("spz file: small scenes get more fractional bits, coarse steps are reported",
+          "[gaussians]") {
+  const test::TempDir folder;
+  splat::Gaussians g = random_gaussians(100, 1);
+  const auto shrunk = [&](double factor) {
+    splat::Gaussians small = g;
+    small.means = g.means * factor;
+    set_log_file(folder / "said.log");
+    write_spz(folder / "a.spz", small);
+    set_log_file({});
+    std::vector<std::string> notes;
+    const torch::Tensor back =
+        parse_spz(read_file(folder / "a.spz"), "a.spz", notes).gaussians.means;
+    CHECK(notes.empty());
+    return (back / factor - g.means).abs().max().item<double>();
+  };
+  CHECK(shrunk(1e-3) < 1e-4);
+  CHECK_THAT(read_file(folder / "said.log"), !test::naming("warning"));
+  CHECK(shrunk(1e-6) < 0.05);
+  CHECK_THAT(read_file(folder / "said.log"), test::naming("warning", "a.spz", "5.96046e-08 units"));
+}
+
+TEST_CASE("spz file: sizes beyond those of the format are reported", "[gaussians]") {
+  const test::TempDir folder;
+  const splat::Gaussians usual = random_gaussians(100, 1);
+  const auto said = [&](const std::function<void(torch::Tensor&)>& change) {
+    splat::Gaussians g = usual;
+    g.log_scales = g.log_scales.clone();
+    change(g.log_scales);
+    set_log_file(folder / "said.log");
+    encode_spz(g);
+    set_log_file({});
+    return read_file(folder / "said.log");
+  };
+  // Needles keep their shape, and few specks do not show.
+  CHECK(said([](torch::Tensor& s) { s.select(1, 1).fill_(-13); }).empty());
+  CHECK(said([](torch::Tensor& s) { s.slice(0, 0, 3).fill_(-13); }).empty());
+  CHECK_THAT(said([](torch::Tensor& s) { s.slice(0, 0, 30).fill_(-11); }),
+             test::naming("30 smaller and 0 larger of 100", ".ply"));
+  CHECK_THAT(said([](torch::Tensor& s) { s[4][2] = 7; }), test::naming("0 smaller and 1 larger"));
+}
+
+TEST_CASE("spz file: SH beyond degree 3 are noted", "[gaussians]") {
+  const std::string bytes = of_degree_4(encode_spz(random_gaussians(2, 1)), 2 * 72);
+  std::vector<std::string> notes;
+  CHECK(parse_spz(bytes, "a.spz", notes).gaussians.sh.size(1) == 16);
+  REQUIRE(notes.size() == 1);
+  CHECK_THAT(notes[0], test::naming("a.spz", "degree", "4"));
 }
 
 TEST_CASE("spz file: more bits hold the SH finer, in the same bytes", "[gaussians]") {

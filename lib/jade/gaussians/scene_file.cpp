@@ -91,8 +91,11 @@ SceneFile read_as(SceneKind kind, const fs::path& path) {
       PlyScene scene = read_scene(path);
       return {std::move(scene.file), word_of(scene.kind), scene.flat, std::move(scene.notes)};
     }
-    case SceneKind::kSpz:
-      return {parse_spz(read_file(path), path.string()), ".spz (Niantic)", 0, {}};
+    case SceneKind::kSpz: {
+      SceneFile scene{{}, ".spz (Niantic)", 0, {}};
+      scene.file = parse_spz(read_file(path), path.string(), scene.notes);
+      return scene;
+    }
     case SceneKind::kSog:
       return {read_sog(path), ".sog (PlayCanvas, SuperSplat)", 0, {}};
     case SceneKind::kGltf:

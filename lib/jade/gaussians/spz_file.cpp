@@ -11,11 +11,13 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/log.h"
+#include "jade/core/readable.h"
 #include "jade/gaussians/axes.h"
 #include "jade/gaussians/file_tensor.h"
 #include "jade/gaussians/file_values.h"
@@ -32,6 +34,9 @@ constexpr uint32_t kMagic = 0x5053474e;  ///< "NGSP"
 constexpr size_t kHeader = 16, kHeader4 = 32, kTableRow = 16;
 constexpr unsigned kAntialiased = 1;  ///< bit of the header's flags
 constexpr int kMostDegree = 4;
+constexpr int kReadDegree = 3;
+constexpr int kMostBits = 24;  ///< after the binary point
+constexpr double kLeastLogScale = -10, kLogScaleSteps = 16;
 constexpr double kColorScale = 0.15;
 constexpr double kRotationSteps = 511;  ///< of a component from 0 to 1/√2, in versions 3 and 4
 
@@ -116,7 +121,7 @@ splat::Gaussians decoded(const Streams& streams, const Header& header) {
   fixed = torch::where(fixed >= 8388608, fixed - 16777216, fixed);
   out.means = (fixed * std::ldexp(1.0, -header.bits)).to(torch::kFloat32);
   out.logit_opacities = torch::logit(numbers_of(streams[kAlphas], {count}) / 255);
-  out.log_scales = numbers_of(streams[kScales], {count, 3}) / 16 - 10;
+  out.log_scales = numbers_of(streams[kScales], {count, 3}) / kLogScaleSteps + kLeastLogScale;
   out.rotations = rotations_from(streams[kRotations], header);
   const torch::Tensor dc = (numbers_of(streams[kColors], {count, 1, 3}) / 255 - 0.5) / kColorScale;
   const int64_t all = (header.degree + 1) * (header.degree + 1) - 1;
@@ -142,7 +147,7 @@ Header header_of(std::string_view bytes, const std::string& name) {
   header.degree = static_cast<int>(unsigned_at(bytes, 12, 1));
   header.bits = static_cast<int>(unsigned_at(bytes, 13, 1));
   header.antialiased = (unsigned_at(bytes, 14, 1) & kAntialiased) != 0;
-  if (header.degree > kMostDegree || header.bits > 24) {
+  if (header.degree > kMostDegree || header.bits > kMostBits) {
     throw DataError(concat(name, ": expected SH degree 0 to 4 and positions with up to 24 bits ",
                            "after the binary point, found ", header.degree, " and ", header.bits,
                            "; copy the file again"));
@@ -200,32 +205,63 @@ Streams unpack_streams(std::string_view bytes, const Header& header, const std::
   return streams;
 }
 
-/// Warn if the step of positions exceeds this share of a typical coordinate.
-constexpr double kCoarse = 1e-3;
+/// Warn if the step of positions exceeds these shares of the median distance from the middle and
+/// of the median longest axis.
+constexpr double kCoarse = 1e-3, kCoarseOfSize = 0.1;
 
 /// The most fractional bits with which the farthest position fits 24 bits.
-int fitting_bits(const torch::Tensor& means, int wanted) {
-  const double far = means.numel() == 0 ? 0 : means.abs().max().item<double>();
-  int bits = wanted;
+int fitting_bits(const splat::Gaussians& g, int most, const std::string& name) {
+  if (g.size() == 0) return most;
+  const double far = g.means.abs().max().item<double>();
+  int bits = most;
   while (bits > 0 && far * std::ldexp(1.0, bits) >= 8388607) --bits;
   if (far * std::ldexp(1.0, bits) >= 8388607) {
-    throw DataError(concat("not written: positions reach ", far,
-                           ", beyond the 8388607 units that .spz can hold; write .ply"));
+    throw DataError(concat(name, ": expected positions within the 8388607 units that .spz can ",
+                           "hold, found ", far, "; write .ply"));
   }
   // The farthest Gaussian determines the step for all.
-  const double typical = means.numel() == 0 ? 0 : means.abs().median().item<double>();
-  if (bits < wanted && std::ldexp(1.0, -bits) > kCoarse * typical) {
-    log_warn(concat("positions are stored to ", std::ldexp(1.0, -bits),
-                    " units, where half of their coordinates are below ", typical,
-                    ": the farthest Gaussian, ", far,
-                    " away, leaves no more; remove such Gaussians, or write .ply"));
+  const torch::Tensor middle = std::get<0>(g.means.median(0));
+  const double distance = (g.means - middle).norm(2, 1).median().item<double>();
+  const double size = g.log_scales.amax(1).median().exp().item<double>();
+  const double step = std::ldexp(1.0, -bits);
+  if ((distance > 0 && step > kCoarse * distance) || step > kCoarseOfSize * size) {
+    log_warn(concat(name, ": positions are stored in steps of ", step,
+                    " units, where half of the Gaussians lie within ", distance,
+                    " of the middle and are shorter than ", size,
+                    bits < kMostBits
+                        ? concat("; the farthest one, ", far, " from the origin, leaves no finer ",
+                                 "steps: delete such Gaussians, or write .ply")
+                        : "; .spz has no finer steps: enlarge the scene, or write .ply"));
   }
   return bits;
 }
 
+/// Warn if more than this share of the Gaussians is too small. Trained scenes have a few specks.
+constexpr double kFewSpecks = 0.05;
+/// Log of the elongation from which the thinnest axis does not show.
+constexpr double kThin = 2.3;
+
+/// Warns of Gaussians whose size changes visibly because the format cannot hold it.
+void check_sizes(const torch::Tensor& log_scales, const std::string& name) {
+  if (log_scales.size(0) == 0) return;
+  constexpr double kLeast = kLeastLogScale, kMost = kLeast + 255 / kLogScaleSteps;
+  constexpr double kRounding = 0.5 / kLogScaleSteps;
+  const auto count = [](const torch::Tensor& mask) { return mask.sum().item<int64_t>(); };
+  const torch::Tensor thinner = log_scales.amin(1) < kLeast - kRounding;
+  const int64_t small = count(thinner.logical_and(log_scales.amax(1) < kLeast + kThin));
+  const int64_t large = count(log_scales.amax(1) > kMost + kRounding);
+  if (large == 0 && double(small) <= kFewSpecks * double(log_scales.size(0))) return;
+  log_warn(concat(name, ": expected axes of ", readable(std::exp(kLeast), 2), " to ",
+                  readable(std::exp(kMost), 3), " units, which .spz can hold, found ",
+                  grouped(small), " smaller and ", grouped(large), " larger of ",
+                  grouped(log_scales.size(0)),
+                  " Gaussians, which are stored at these limits; scale the scene, or write .ply"));
+}
+
 }  // namespace
 
-std::string encode_spz(const splat::Gaussians& all, const SpzOptions& options) {
+std::string encode_spz(const splat::Gaussians& all, const SpzOptions& options,
+                       const std::string& name) {
   const splat::Gaussians gaussians = half_turn(map_parameters(
       drawable(all), [](const auto& value) { return file_tensor(value, torch::kFloat64); }));
   for (const int bits : {options.first_degree_bits, options.higher_degree_bits}) {
@@ -236,13 +272,14 @@ std::string encode_spz(const splat::Gaussians& all, const SpzOptions& options) {
              "encode_spz: expected version 2, 3 or 4, found ", options.version);
   JADE_CHECK(gaussians.size() < 60'000'000,
              "encode_spz: too many Gaussians for one stream: ", gaussians.size());
-  const int bits = fitting_bits(gaussians.means, options.fractional_bits);
+  const int bits = fitting_bits(gaussians, options.fractional_bits, name);
+  check_sizes(gaussians.log_scales, name);
   const torch::Tensor dc = gaussians.sh.select(1, 0);
   const Streams streams = {
       positions_of(gaussians.means, bits),
       content_of(to_bytes(gaussians.logit_opacities.sigmoid() * 255)),
       content_of(to_bytes(dc * (kColorScale * 255) + 127.5)),
-      content_of(to_bytes((gaussians.log_scales + 10) * 16)),
+      content_of(to_bytes((gaussians.log_scales - kLeastLogScale) * kLogScaleSteps)),
       options.version == 2 ? rotations_2(gaussians.rotations) : rotations_3(gaussians.rotations),
       sh_of(gaussians.sh, options)};
   std::string header;
@@ -275,13 +312,7 @@ std::string encode_spz(const splat::Gaussians& all, const SpzOptions& options) {
 
 void write_spz(const std::filesystem::path& path, const splat::Gaussians& gaussians,
                const SpzOptions& options) {
-  std::string bytes;
-  try {
-    bytes = encode_spz(gaussians, options);
-  } catch (const DataError& problem) {
-    throw DataError(concat(path.string(), ": ", problem.what()));
-  }
-  write_file(path, bytes);
+  write_file(path, encode_spz(gaussians, options, path.string()));
 }
 
 bool is_spz(const std::string& bytes) {
@@ -293,7 +324,8 @@ bool is_spz(const std::string& bytes) {
   }
 }
 
-GaussianFile parse_spz(const std::string& bytes, const std::string& name) {
+GaussianFile parse_spz(const std::string& bytes, const std::string& name,
+                       std::vector<std::string>& notes) {
   const bool packed = io::is_gzip(bytes);
   const std::string content = packed ? io::gunzip(bytes, name) : bytes;
   const Header header = header_of(content, name);
@@ -303,6 +335,10 @@ GaussianFile parse_spz(const std::string& bytes, const std::string& name) {
   file.gaussians = decoded(streams, header);
   file.antialiased = header.antialiased;
   make_finite(file.gaussians);
+  if (header.degree > kReadDegree) {
+    notes.push_back(concat(name, ": expected SH degree 0 to ", kReadDegree, ", found ",
+                           header.degree, "; coefficients of higher degrees are left out"));
+  }
   return file;
 }
 

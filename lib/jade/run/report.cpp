@@ -37,9 +37,9 @@ using Json = nlohmann::ordered_json;
 /// Pictures make the file large; shows this many training views, spread over the sequence.
 constexpr size_t kShownViews = 4;
 
-/// The embedded scene is more accurate than a usual .spz: as many fractional bits as fit into 24,
-/// and SH of 7 and 6 bits, which reduce the error by 6 dB for half as many bytes more.
-constexpr gaussians::SpzOptions kEmbedded{false, 20, 7, 6};
+/// The embedded scene is more accurate than a usual .spz: SH of 7 and 6 bits reduce the error by
+/// 6 dB for half as many bytes more.
+constexpr gaussians::SpzOptions kEmbedded{false, 24, 7, 6};
 
 /// The page's pictures, encoded on all threads in batches.
 class Pictures {
@@ -178,9 +178,9 @@ std::string packed_scene(const splat::Gaussians& gaussians) {
     return gaussians::encode_spz(
         gaussians::map_parameters(
             gaussians, [&](const torch::Tensor& value) { return value.index_select(0, near); }),
-        kEmbedded);
+        kEmbedded, "report.html");
   } catch (const DataError& problem) {
-    log_warn(concat("report.html shows no scene in 3D: ", problem.what()));
+    log_warn(concat(problem.what(), "; the report shows no scene in 3D"));
     return {};
   }
 }
