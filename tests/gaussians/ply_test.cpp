@@ -312,6 +312,75 @@ void write_rows(const std::filesystem::path& path, const std::vector<std::string
   write_file(path, text);
 }
 
+/// The properties and rows of Gaussians of degree 0.
+const std::vector<std::string> kNames = {"x",      "y",       "z",       "f_dc_0",  "f_dc_1",
+                                         "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
+                                         "rot_0",  "rot_1",   "rot_2",   "rot_3"};
+torch::Tensor rows_of(const splat::Gaussians& g) {
+  return torch::cat(
+      {g.means, g.sh.select(1, 0), g.logit_opacities.unsqueeze(1), g.log_scales, g.rotations}, 1);
+}
+
+TEST_CASE("ply: integers in place of logits, logarithms and SH are refused", "[gaussians]") {
+  const test::TempDir folder;
+  const auto told = [&](const std::string& changed, const std::string& type) {
+    std::string text = "ply\nformat ascii 1.0\nelement vertex 1\n";
+    for (const std::string& name : kNames) {
+      text += concat("property ", name == changed ? type : "float", " ", name, "\n");
+    }
+    write_file(folder / "a.ply", text + "end_header\n0 0 1 0 0 0 2 0 0 0 1 0 0 0\n");
+    return message_of(folder / "a.ply");
+  };
+  for (const std::string name : {"opacity", "f_dc_1", "scale_0"}) {
+    for (const std::string type : {"uchar", "ushort", "int"}) {
+      CHECK_THAT(told(name, type), test::naming("a.ply", name, "float", "integers"));
+    }
+  }
+  CHECK_THAT(told("rot_0", "uchar"), test::naming("rot_0", "float"));
+  CHECK(told("rot_0", "char") == "no error");
+  CHECK(told("x", "int") == "no error");
+}
+
+TEST_CASE("ply: opacities and scales that look like no logits and logarithms are noted",
+          "[gaussians]") {
+  const test::TempDir folder;
+  const splat::Gaussians usual = random_gaussians(400, 1);
+  const auto notes_of = [&](const splat::Gaussians& g) {
+    write_rows(folder / "a.ply", kNames, rows_of(g));
+    return read_scene(folder / "a.ply").notes;
+  };
+  const auto with_opacity = [&](const torch::Tensor& values) {
+    splat::Gaussians g = usual;
+    g.logit_opacities = values;
+    return notes_of(g);
+  };
+  const auto with_scales = [&](const torch::Tensor& values, double units) {
+    splat::Gaussians g = usual;
+    g.means = g.means * units;
+    g.log_scales = values;
+    return notes_of(g);
+  };
+  CHECK(notes_of(usual).empty());
+  const torch::Tensor shares = torch::linspace(0.02, 0.99, 400);
+  for (const double full : {1.0, 100.0, 255.0}) {
+    const std::vector<std::string> notes = with_opacity(full * shares);
+    REQUIRE(notes.size() == 1);
+    CHECK_THAT(notes[0], test::naming("a.ply", "opacity", "logits"));
+  }
+  CHECK(with_opacity(torch::full({400}, 0.5)).empty());
+  CHECK(with_opacity(20 * shares).empty());
+  // Lengths as they are, in a scene of a few units and in one of hundreds.
+  for (const double units : {1.0, 100.0}) {
+    const std::vector<std::string> notes = with_scales(4 * units * usual.log_scales.exp(), units);
+    REQUIRE(notes.size() == 1);
+    CHECK_THAT(notes[0], test::naming("a.ply", "scale", "logarithms"));
+  }
+  // Scenes in millimetres, whose logarithms are positive.
+  for (const double units : {100.0, 1000.0, 100000.0}) {
+    CHECK(with_scales(torch::full({400, 3}, std::log(0.2 * units)), units).empty());
+  }
+}
+
 TEST_CASE("ply: the two scales of 2DGS become flat Gaussians, and so does minus infinity",
           "[gaussians]") {
   const test::TempDir folder;

@@ -2,10 +2,13 @@
 #include "jade/gaussians/ply.h"
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <limits>
 #include <sstream>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "jade/core/atomic_file.h"
@@ -13,6 +16,7 @@
 #include "jade/core/log.h"
 #include "jade/gaussians/file_tensor.h"
 #include "jade/gaussians/file_values.h"
+#include "jade/gaussians/init.h"
 #include "jade/gaussians/ply_header.h"
 #include "jade/gaussians/ply_kind.h"
 #include "jade/gaussians/ply_packed.h"
@@ -162,10 +166,75 @@ void check_attributes(const PlyFile& file, PlyKind kind) {
                          ", found none called ", missing, "; export the scene again"));
 }
 
+/// Attributes that are floats.
+constexpr std::pair<const char*, const char*> kFloats[] = {{"opacity", "a logit"},
+                                                           {"scale_", "a logarithm"},
+                                                           {"f_dc_", "an SH coefficient"},
+                                                           {"f_rest_", "an SH coefficient"},
+                                                           {"rot_", "of a quaternion"}};
+
+/// @throws DataError for integers, whose scale is unknown. The length of a quaternion has no
+/// effect,
+///   so signed integers are accepted there.
+void check_types(const PlyFile& file) {
+  for (const PlyProperty& property : file.vertices().properties) {
+    const PlyType type = property.type;
+    if (type == PlyType::kFloat32 || type == PlyType::kFloat64) continue;
+    const bool is_signed =
+        type == PlyType::kInt8 || type == PlyType::kInt16 || type == PlyType::kInt32;
+    for (const auto& [start, meaning] : kFloats) {
+      if (property.name.rfind(start, 0) != 0 || (is_signed && property.name[0] == 'r')) continue;
+      throw DataError(concat(file.path().string(), ": expected ", property.name, " as float (",
+                             meaning, "), found integers; export the scene again with floats"));
+    }
+  }
+}
+
+/// Notes opacities that look as if they were no logits: all from 0 to 1, 100 or 255.
+void note_opacities(const torch::Tensor& logits, const std::string& path,
+                    std::vector<std::string>& notes) {
+  constexpr double kMostTrained = 30;
+  constexpr int64_t kMany = 10;
+  const torch::Tensor finite = logits.masked_select(logits.isfinite());
+  if (finite.numel() < kMany) return;
+  const double least = finite.min().item<double>(), most = finite.max().item<double>();
+  if (least < 0 || (most > 1 && most <= kMostTrained)) return;
+  if (std::get<0>(at::_unique(finite)).numel() < kMany) return;
+  notes.push_back(concat(path, ": expected opacity as logits, found values from ", least, " to ",
+                         most, ", which look like opacities from 0 to ",
+                         most <= 1 ? "1" : "100 or 255", " and are read as logits; export them as ",
+                         "log(o / (1 - o))"));
+}
+
+/// Median distance of Gaussians from their nearest others; 0 for too few.
+double spacing_of(const torch::Tensor& means) {
+  const torch::Tensor finite = means.index({means.isfinite().all(1)});
+  if (finite.size(0) < 4) return 0;
+  return mean_squared_neighbour_distance(finite).median().sqrt().item<double>();
+}
+
+/// Notes scales that look as if they were no logarithms: none is negative, and as logarithms they
+/// make Gaussians much larger than their spacing, to which they are closer as lengths.
+/// @param scales  [N,2] or [N,3] as read
+void note_scales(const torch::Tensor& means, const torch::Tensor& scales, const std::string& path,
+                 std::vector<std::string>& notes) {
+  constexpr double kLarge = 3;
+  const torch::Tensor finite = scales.index({scales.isfinite().all(1)});
+  if (finite.size(0) == 0 || finite.min().item<double>() < 0) return;
+  const double longest = finite.amax(1).median().item<double>(), spacing = spacing_of(means);
+  if (spacing == 0 || longest == 0) return;
+  const double as_log = longest - std::log(spacing);
+  if (as_log < std::log(kLarge) || as_log < std::abs(std::log(longest / spacing))) return;
+  notes.push_back(concat(path, ": expected scales as logarithms, found none below 0 and Gaussians ",
+                         "of about ", std::exp(longest), " units at distances of ", spacing,
+                         ": they look like lengths and are read as logarithms; export log(scale)"));
+}
+
 const char* const kFilter = "filter_3D";
 
 /// Reads all kinds but the packed one, in one pass over the file.
 splat::Gaussians read_attributes(const PlyFile& file, std::vector<std::string>& notes) {
+  check_types(file);
   const bool has_constant = file.vertices().find("f_dc_0") >= 0;
   const int64_t scales = file.vertices().find("scale_2") >= 0 ? 3 : 2;
   const std::vector<std::string> scale_names = {"scale_0", "scale_1", "scale_2"};
@@ -187,9 +256,12 @@ splat::Gaussians read_attributes(const PlyFile& file, std::vector<std::string>& 
   g.means = take(3).contiguous();
   g.logit_opacities = take(1).squeeze(1).contiguous();
   g.rotations = take(4).contiguous();
-  g.log_scales = torch::constant_pad_nd(take(scales), {0, 3 - scales},
-                                        -std::numeric_limits<double>::infinity())
-                     .contiguous();
+  const torch::Tensor sizes = take(scales);
+  g.log_scales =
+      torch::constant_pad_nd(sizes, {0, 3 - scales}, -std::numeric_limits<double>::infinity())
+          .contiguous();
+  note_opacities(g.logit_opacities, file.path().string(), notes);
+  note_scales(g.means, sizes, file.path().string(), notes);
   const torch::Tensor dc =
       has_constant ? take(3)
                    : (read_colors(file, color_names(file), notes) - 0.5) / splat::math::kSh0;

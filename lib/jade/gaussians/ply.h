@@ -30,10 +30,11 @@ struct PointCloud {
 
 /// Reads a .ply with the 3DGS attributes: x y z, f_dc_0..2, f_rest_0.. (channel-major: all of red,
 /// then green, then blue), opacity (logit), scale_0..2 (log), rot_0..3 (wxyz). Binary little- or
-/// big-endian or ascii, properties of any scalar type in any order; other properties and elements
-/// are skipped. Means far from the origin are moved to an origin near them, in double. SH degree 0
-/// to 3 from the number of f_rest properties. An infinite opacity, as converters from byte formats
-/// write it, becomes the finite one that is 1 or 0 in float32. Applies Mip-Splatting's filter_3D.
+/// big-endian or ascii, properties in any order, floats for all but x y z and rot; other properties
+/// and elements are skipped. Means far from the origin are moved to an origin near them, in double.
+/// SH degree 0 to 3 from the number of f_rest properties. An infinite opacity, as converters from
+/// byte formats write it, becomes the finite one that is 1 or 0 in float32. Applies Mip-Splatting's
+/// filter_3D.
 /// @throws DataError naming the path for files that are no such .ply, are truncated, or claim more
 ///   vertices than they have bytes for.
 GaussianFile read_ply(const std::filesystem::path& path);
