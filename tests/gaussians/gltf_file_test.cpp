@@ -11,6 +11,7 @@
 #include "jade/core/error.h"
 #include "jade/gaussians/axes.h"
 #include "random_gaussians.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::gaussians {
@@ -146,6 +147,15 @@ TEST_CASE("gltf: what is not read is named", "[gaussians]") {
                primitive(d)["extensions"]["KHR_gaussian_splatting"]["kernel"] = "box";
              }),
              Catch::Contains("kernel box"));
+  CHECK_THAT(told([&](json& d) {
+               primitive(d)["extensions"]["KHR_gaussian_splatting"]["colorSpace"] =
+                   "lin_rec709_display";
+             }),
+             test::naming("lin_rec709_display", "srgb_rec709_display"));
+  CHECK_THAT(told([&](json& d) {
+               primitive(d)["attributes"]["KHR_gaussian_splatting:SH_DEGREE_4_COEF_0"] = 0;
+             }),
+             Catch::Contains("SH degree 4"));
   CHECK_THAT(
       told([&](json& d) { primitive(d)["attributes"].erase("KHR_gaussian_splatting:SCALE"); }),
       Catch::Contains("no attribute KHR_gaussian_splatting:SCALE"));

@@ -26,6 +26,8 @@ namespace {
 using nlohmann::json;
 
 const char* const kExtension = "KHR_gaussian_splatting";
+/// The only colour space that is read. Between two spaces colours convert, but not their SH.
+const char* const kColorSpace = "srgb_rec709_display";
 constexpr uint64_t kMark = 0x46546c67;         ///< "glTF"
 constexpr uint64_t kJsonChunk = 0x4e4f534a;    ///< "JSON"
 constexpr uint64_t kBinaryChunk = 0x004e4942;  ///< "BIN"
@@ -222,10 +224,18 @@ splat::Gaussians gaussians_of(Document& document, const json& primitive) {
       inner != extension.end() && !inner->empty()) {
     throw document.damaged(concat("the extension ", inner->begin().key(), ", which is not read"));
   }
-  if (const auto kernel = extension.value("kernel", std::string("ellipse")); kernel != "ellipse") {
-    throw document.damaged("the kernel " + kernel + ", which is not read");
+  for (const auto& [key, read] :
+       {std::pair{"kernel", "ellipse"}, std::pair{"projection", "perspective"},
+        std::pair{"colorSpace", kColorSpace}}) {
+    if (const auto found = extension.value(key, std::string(read)); found != read) {
+      throw document.damaged(concat("the ", key, " ", found, "; only ", read, " is read"));
+    }
   }
   const json& attributes = primitive.at("attributes");
+  if (attributes.contains(sh_attribute(kMostDegree + 1, 0))) {
+    throw document.damaged(
+        concat("SH degree ", kMostDegree + 1, "; only 0 to ", kMostDegree, " are read"));
+  }
   splat::Gaussians out;
   out.means = document.read(attributes, "POSITION", 3);
   out.rotations = document.read(attributes, attribute("ROTATION"), 4).roll(1, 1);
@@ -323,8 +333,7 @@ void write_glb(const std::filesystem::path& path, const GaussianFile& file) {
   const json primitive = {
       {"mode", 0},
       {"attributes", parts.attributes},
-      {"extensions",
-       {{kExtension, {{"kernel", "ellipse"}, {"colorSpace", "srgb_rec709_display"}}}}}};
+      {"extensions", {{kExtension, {{"kernel", "ellipse"}, {"colorSpace", kColorSpace}}}}}};
   const json document = {{"asset", {{"version", "2.0"}, {"generator", "JADE-GS"}}},
                          {"extensionsUsed", {kExtension}},
                          {"scene", 0},
