@@ -21,14 +21,16 @@ std::string describe_pattern(const std::vector<bool>& is_test) {
     if (is_test[i]) at.push_back(i);
   }
   if (at.empty()) return "no test views";
-  if (at.front() + at.size() == is_test.size()) return concat("the last ", at.size(), " frames");
+  if (at.front() + at.size() == is_test.size()) {
+    return at.size() == 1 ? "the last frame" : concat("the last ", at.size(), " frames");
+  }
   if (at.size() > 1 && at[0] == 0) {
     const size_t step = at[1];
     bool regular = (is_test.size() - 1) / step + 1 == at.size();
     for (size_t i = 0; i < at.size(); ++i) regular = regular && at[i] == i * step;
     if (regular) return concat("every ", step, "th frame from the first");
   }
-  return concat(at.size(), " frames between the others");
+  return concat(at.size(), at.size() == 1 ? " frame" : " frames", " between the others");
 }
 
 std::vector<bool> positions(size_t count, const SplitRule& rule) {

@@ -250,7 +250,8 @@ void Trainer::announce() const {
                   "): ", data_.dataset.train.size(), " exposures of ", camera.width, "x",
                   camera.height, data_.dataset.monochrome ? ", monochrome, " : " in colour, ",
                   grouped(event_count), " events; ", data_.dataset.test.size(),
-                  " sharp test views (", data_.dataset.split, ")"));
+                  data_.dataset.test.size() == 1 ? " sharp test view (" : " sharp test views (",
+                  data_.dataset.split, ")"));
   for (const std::string& note : data_.dataset.notes) log_info("data        " + note);
   log_info(concat("scene       ", grouped(state_.gaussians.size()), " Gaussians, extent ",
                   readable(state_.gaussians.extent(), 3), ", near plane ",
