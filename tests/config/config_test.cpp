@@ -60,7 +60,7 @@ void describe(V& v, TestOptions& o) {
   v.field("steps", o.steps, "list");
   v.field("warmup", o.warmup, "rest until", Range{0, 1e9});
   v.field("resets", o.resets, "steps between resets", Range{0, 1e9});
-  v.field("level", o.level, "how loud", Range{0, 11});
+  v.field("level", o.level, "how loud", Range{2.5, 11});  // without the fallback
   v.field("voices", o.voices, "how many", Range{1, 8});
   v.renamed("router", "route");
   v.group("route", o.route, "the router");

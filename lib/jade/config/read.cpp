@@ -161,8 +161,7 @@ class Reader {
     if (const auto* v = std::get_if<Steps*>(&field.value))
       return in(static_cast<double>(int64_t{**v}));
     if (const auto* v = std::get_if<double*>(&field.value)) return in(**v);
-    if (const auto* v = std::get_if<AutoNumber*>(&field.value))
-      return (*v)->is_auto() || in(**v);
+    if (const auto* v = std::get_if<AutoNumber*>(&field.value)) return (*v)->is_auto() || in(**v);
     if (const auto* v = std::get_if<AutoCount*>(&field.value)) {
       return in(static_cast<double>(int64_t{**v}));
     }

@@ -68,8 +68,8 @@ void move(PerView& kind, torch::Device device) {
   for (torch::Tensor& each : kind) each = each.to(device);
 }
 
-/// Page-locks tensors on the CPU, so that steps need not copy them first, as far as a quarter of the
-/// machine's memory allows.
+/// Page-locks tensors on the CPU, so that steps need not copy them first, as far as a quarter of
+/// the machine's memory allows.
 void lock_pages(std::initializer_list<PerView*> kinds) {
   Budget budget(static_cast<int64_t>(0.25 * machine_memory()));
   for (PerView* const kind : kinds) {
