@@ -75,6 +75,25 @@ TEST_CASE("masks: a folder masks/ with any of the usual names", "[data]") {
   CHECK(test::mentions(scene.warnings, "no mask for 5 of 6 frames"));
 }
 
+TEST_CASE("masks: frames in nested folders have theirs in the same folders below masks/",
+          "[data]") {
+  const std::string place = GENERATE("masks/rig1/cam0/", "masks/images_1/rig1/cam0/",
+                                     "images_1/masks/rig1/cam0/", "images_1/rig1/masks/cam0/");
+  CAPTURE(place);
+  MaskedScene scene;
+  const fs::path frame = scene.file("images_1/rig1/cam0/07.png");
+  scene.put("images_1/rig1/cam0/07.png", torch::ones({3, test::kHeight, test::kWidth}));
+  scene.put(place + "07.png", without_left());
+  const std::vector<torch::Tensor> images{torch::ones({3, test::kHeight, test::kWidth})};
+  const auto masks =
+      read_masks({frame}, images, MaskSources(scene.options), Warnings(&scene.warnings));
+  CHECK(is_excluded(masks[0], without_left()));
+  CHECK(scene.warnings.empty());
+  fs::rename(scene.file(place + "07.png"), scene.file(place + "08.png"));
+  read_masks({frame}, images, MaskSources(scene.options), Warnings(&scene.warnings));
+  CHECK(test::mentions(scene.warnings, "no mask for 1 of 1 frames"));
+}
+
 TEST_CASE("masks: one of all frames, by key and by name, and both must agree", "[data]") {
   MaskedScene scene;
   scene.put("mask.png", without_left());

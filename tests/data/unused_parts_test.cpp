@@ -48,6 +48,20 @@ TEST_CASE("unused parts: formats of frames that were read are not called unread"
              !Catch::Contains("0.jp2") && Catch::Contains("0.exr"));
 }
 
+TEST_CASE("unused parts: names are compared without case, and Masks/ is not masks/", "[data]") {
+  const test::TempDir folder;
+  const auto lines = [&] {
+    return told(unused_in_any_layout(folder.path(), folder / "images", false, {}));
+  };
+  folder.write("images/0.png", "x");
+  folder.write("masks/0.png", "x");
+  CHECK(lines().empty());
+  std::filesystem::rename(folder / "masks", folder / "Masks");
+  folder.write("IMU.csv", "x");
+  REQUIRE(lines().size() == 1);
+  CHECK_THAT(lines()[0], Catch::Contains("Masks/ (masks") && Catch::Contains("IMU.csv"));
+}
+
 TEST_CASE("unused parts: nothing found, nothing said", "[data]") {
   const test::TempDir folder;
   UnusedParts parts;

@@ -23,20 +23,34 @@ struct MaskFolder {
   fs::path folder, inside;
 };
 
-/// Folders named masks beside the folder of a frame, or beside its parent.
+/// Folders named masks beside the folder of a frame, or beside one of its parents up to the root.
+/// Inside, frames have the path that they have from there, with or without its first folder.
 std::vector<MaskFolder> mask_folders(const fs::path& frame, const fs::path& root) {
   const fs::path home = frame.parent_path().lexically_normal();
+  const fs::path top = fs::absolute(root / ".").lexically_normal().parent_path();
   const std::string name = home.filename().string();
   std::vector<MaskFolder> folders;
   if (name.rfind("images_", 0) == 0) {
     folders.push_back({home.parent_path() / ("masks_" + name.substr(7)), {}});
   }
-  if (fs::absolute(home) == fs::absolute(root.lexically_normal())) {
+  if (fs::absolute(home / ".").lexically_normal().parent_path() == top) {
     folders.push_back({home / "masks", {}});
-  } else {
-    folders.push_back({home.parent_path() / "masks", {}});
-    folders.push_back({home.parent_path() / "masks", name});
-    folders.push_back({home.parent_path().parent_path() / "masks", name});
+    return folders;
+  }
+  const auto is_within = [&](const fs::path& place) {
+    const fs::path inside = fs::absolute(place / ".").lexically_normal().lexically_relative(top);
+    return !inside.empty() && *inside.begin() != "..";
+  };
+  const bool outside = !is_within(home);
+  constexpr int kParentsOutside = 2;
+  fs::path place = home, whole;
+  for (int parents = 0; place.has_relative_path(); ++parents) {
+    const fs::path inner = whole;
+    whole = place.filename() / whole;
+    place = place.parent_path();
+    if (outside ? parents >= kParentsOutside : !is_within(place)) break;
+    folders.push_back({place / "masks", inner});
+    folders.push_back({place / "masks", whole});
   }
   return folders;
 }

@@ -2,14 +2,23 @@
 #include "jade/data/unused_parts.h"
 
 #include <algorithm>
+#include <cctype>
 
 namespace jade::data {
 namespace {
 
 namespace fs = std::filesystem;
 
+std::string small_letters(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char letter) { return char(std::tolower(letter)); });
+  return text;
+}
+
+/// Compares without case, because tools on Windows and macOS write Masks or IMU.csv.
 /// @param pattern  with at most one '*', which matches any characters
-bool fits(const std::string& name, const std::string& pattern) {
+bool fits(const std::string& given, const std::string& wanted) {
+  const std::string name = small_letters(given), pattern = small_letters(wanted);
   const size_t star = pattern.find('*');
   if (star == std::string::npos) return name == pattern;
   const std::string front = pattern.substr(0, star), back = pattern.substr(star + 1);
@@ -95,13 +104,17 @@ UnusedParts unused_in_any_layout(const fs::path& root, const fs::path& frames, b
   parts.look_for_files(root, in_root);
   for (const FormatPart& part : beside_frames) {
     const bool in_use = std::any_of(read.begin(), read.end(), [&](const fs::path& frame) {
-      return part.name == concat("*", frame.extension().string());
+      return part.name == concat("*", small_letters(frame.extension().string()));
     });
     if (!in_use) parts.look_for_files(frames, {part});
   }
   if (names_masks) return parts;
   const std::string meaning = "masks; those that count are read from masks/ beside the frames";
   parts.look_for_files(root, {{"mask/", meaning}});
+  for (const fs::path& place : {root, frames.parent_path()}) {
+    const std::string found = first_that_fits(place, "masks", /*is_folder=*/true);
+    if (!found.empty() && found != "masks") parts.look_for_files(place, {{found + "/", meaning}});
+  }
   const std::string name = frames.filename().string();
   if (!name.empty() && fs::absolute(frames).lexically_normal() !=
                            fs::absolute(root / ".").lexically_normal().parent_path()) {
