@@ -273,6 +273,35 @@ TEST_CASE("colmap scene: images in folders of their cameras are found", "[data]"
   CHECK(test::mentions(warnings, "cam2/000.png"));
 }
 
+TEST_CASE("colmap scene: two names of one file are refused with both", "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  std::vector<io::ColmapImage> images;
+  for (int i = 0; i < 2; ++i) {
+    const geometry::Pose pose = test::steady_pose(1e5 * i);
+    images.push_back({i + 1, geometry::quaternion_from_rotation(pose.rotation), pose.translation, 1,
+                      concat("cam", i, "/000.png")});
+  }
+  imaging::write_image(room / "images/000.png", test::noise_image(0));
+  test::save_model(room / "sparse/0", test::binary_model(kCamera, images, {0, 0, 4}));
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(room)), "cam0/000.png", "cam1/000.png");
+}
+
+TEST_CASE("colmap scene: a text model that differs from the binary one is reported", "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  for (const double focal : {25, 30}) {
+    write_colmap_scene(room, kCamera);
+    const io::ColmapModel model = io::read_colmap(room / "sparse/0");
+    io::ColmapCamera camera = kCamera;
+    camera.parameters[0] = focal;
+    test::save_model(room / "sparse/0", test::text_model(camera, model.images, {0, 0, 4}));
+    std::vector<std::string> warnings;
+    CHECK(load_dataset(dataset_at(room), &warnings).train[0].camera.fx == Approx(25));
+    CHECK(test::mentions(warnings, "cameras.txt") == (focal != 25));
+  }
+}
+
 TEST_CASE("colmap scene: names that differ by ending or capitals are reported with an example",
           "[data]") {
   const test::TempDir folder;

@@ -518,6 +518,66 @@ TEST_CASE("transforms: fields of view keep the principal point, and y has its ow
   CHECK_THROWS_NAMING(DataError, camera(R"("camera_angle_x":45,)"), "camera_angle_x", "45");
 }
 
+TEST_CASE("transforms: fields of view in degrees, and what else may be one is named", "[data]") {
+  const test::TempDir folder;
+  const auto camera = load_one(folder, R"("x_fov":45.83662361,)").train.at(0).camera;
+  CHECK(camera.fx == Approx(0.5 * test::kWidth / std::tan(0.4)));
+  CHECK_THROWS_NAMING(DataError, load_one(folder, R"("x_fov":180,)"), "x_fov", "degrees");
+  CHECK_THROWS_NAMING(DataError, load_one(folder, R"("fov":60,)"), "x_fov", "found 'fov'");
+}
+
+TEST_CASE("transforms: a principal point in fractions or at the border has a warning", "[data]") {
+  const test::TempDir folder;
+  const auto load = [&](const std::string& keys, std::vector<std::string>* warnings) {
+    load_one(folder, keys);
+    return load_dataset(at(folder / "room"), warnings).train[0].camera;
+  };
+  std::vector<std::string> warnings;
+  const auto camera = load(R"("fl_x":15,"cx":0.5,"cy":0.6,)", &warnings);
+  CHECK(camera.cx == Approx(0.5 * test::kWidth));
+  CHECK(camera.cy == Approx(0.6 * test::kHeight));
+  CHECK(test::mentions(warnings, "fractions of the image size"));
+  for (const char* centre : {"1.4", "-1.4", "20"}) {
+    warnings.clear();
+    load(concat(R"("fl_x":15,"cx":)", centre, R"(,"cy":6,)"), &warnings);
+    CHECK(test::mentions(warnings, "near the middle"));
+  }
+  warnings.clear();
+  load(R"("fl_x":15,"cx":8,"cy":6,)", &warnings);
+  CHECK_FALSE(test::mentions(warnings, "principal point"));
+}
+
+TEST_CASE("transforms: a focal length and a field of view that differ have a warning", "[data]") {
+  const test::TempDir folder;
+  for (const bool differs : {true, false}) {
+    const double angle = 2 * std::atan(0.5 * test::kWidth / (differs ? 18 : 15));
+    load_one(folder, concat(R"("fl_x":15,"camera_angle_x":)", angle, ","));
+    std::vector<std::string> warnings;
+    CHECK(load_dataset(at(folder / "room"), &warnings).train[0].camera.fx == Approx(15));
+    CHECK(test::mentions(warnings, "expected one focal length") == differs);
+  }
+}
+
+TEST_CASE("transforms: null is no mask, UTF-16 and cropped images are named", "[data]") {
+  const test::TempDir folder;
+  load_one(folder, R"("fl_x":25,)");
+  const fs::path file = folder / "room/transforms.json";
+  std::string text = read_file(file);
+  text.insert(text.find("\"transform_matrix"), "\"mask_path\":null,");
+  write_file(file, text);
+  CHECK_FALSE(load_dataset(at(folder / "room")).train[0].mask.defined());
+  const Dataset data = load_one(folder, R"("fl_x":25,"w":23,"h":14,)");
+  REQUIRE(data.notes.size() == 1);
+  CHECK_THAT(data.notes[0], test::naming("23x14", "21x13", "cropped"));
+  CHECK(load_one(folder, R"("fl_x":25,"w":43,"h":27,)").notes.empty());
+  std::string wide = "\xFF\xFE";
+  for (const char c : text) wide += {c, '\0'};
+  for (const std::string& bytes : {wide, wide.substr(2)}) {
+    write_file(file, bytes);
+    CHECK_THROWS_NAMING(DataError, load_dataset(at(folder / "room")), "UTF-16", "iconv");
+  }
+}
+
 TEST_CASE("transforms: cameras that no image can have are refused by what was found", "[data]") {
   const test::TempDir folder;
   CHECK_THROWS_NAMING(DataError, load_one(folder, "\"fl_x\":-25,"), "'fl_x' above 0", "-25");

@@ -19,5 +19,9 @@ TEST_CASE("stand-in: what lies in place of a file is named with its remedy", "[i
   for (const char* other : {"ply\nformat ascii 1.0\n", "version 2\n", "<?xml version='1.0'?>"}) {
     CHECK(io::stand_in(other, "a.ply").empty());
   }
+  for (const std::string& text :
+       {std::string("\xFF\xFEt\0", 4), std::string("\xFE\xFF\0t", 4), std::string("{\0\n\0", 4)}) {
+    CHECK_THAT(io::stand_in(text, "a.json"), Catch::Contains("iconv -f UTF-16 -t UTF-8 a.json"));
+  }
   CHECK(io::stand_in("no/such/file").empty());
 }

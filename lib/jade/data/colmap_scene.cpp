@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <initializer_list>
 #include <map>
 #include <set>
 #include <torch/types.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
@@ -139,11 +141,72 @@ void tell_unplaced(const fs::path& folder, const std::vector<fs::path>& placed,
                "; run COLMAP on all of them if they belong to the scene");
 }
 
+/// @throws DataError if two images of the model are one file.
+void check_own_files(const std::vector<fs::path>& paths,
+                     const std::vector<const io::ColmapImage*>& images) {
+  std::map<fs::path, std::string> known;
+  for (size_t i = 0; i < paths.size(); ++i) {
+    const auto [at, added] = known.emplace(paths[i].lexically_normal(), images[i]->name);
+    if (added) continue;
+    throw DataError(concat(paths[i].string(), ": expected a file for each image of the model, ",
+                           "found one for ", at->second, " and ", images[i]->name,
+                           "; put the images into the folders that the model names"));
+  }
+}
+
+/// Whether two models of one folder have the same cameras and poses, up to rounding in text.
+bool agree(const io::ColmapModel& a, const io::ColmapModel& b) {
+  const auto same = [](double p, double q) {
+    return std::abs(p - q) <= 1e-4 * (1 + std::abs(p) + std::abs(q));
+  };
+  if (a.images.size() != b.images.size() || a.cameras.size() != b.cameras.size()) return false;
+  std::map<int64_t, const io::ColmapCamera*> cameras;
+  for (const io::ColmapCamera& camera : b.cameras) cameras[camera.id] = &camera;
+  for (const io::ColmapCamera& camera : a.cameras) {
+    const auto other = cameras.find(camera.id);
+    if (other == cameras.end() || other->second->model != camera.model ||
+        other->second->width != camera.width || other->second->height != camera.height ||
+        !std::equal(camera.parameters.begin(), camera.parameters.end(),
+                    other->second->parameters.begin(), other->second->parameters.end(), same))
+      return false;
+  }
+  std::map<std::string, const io::ColmapImage*> images;
+  for (const io::ColmapImage& image : b.images) images[image.name] = &image;
+  return std::all_of(a.images.begin(), a.images.end(), [&](const io::ColmapImage& image) {
+    const auto other = images.find(image.name);
+    if (other == images.end()) return false;
+    const geometry::Pose p = data::pose_of(image), q = data::pose_of(*other->second);
+    return geometry::rotation_angle(p, q) < 1e-3 &&
+           std::equal(p.translation.begin(), p.translation.end(), q.translation.begin(), same);
+  });
+}
+
+/// Warns of a text model beside the binary one that is read, if they differ.
+void tell_text_model(const fs::path& folder, const io::ColmapModel& model,
+                     const Warnings& warnings) {
+  const fs::path cameras = folder / "cameras.txt", images = folder / "images.txt";
+  if (!fs::exists(folder / "cameras.bin") || !fs::exists(folder / "images.bin") ||
+      !fs::exists(cameras) || !fs::exists(images))
+    return;
+  const auto differs = [&] {
+    try {
+      return !agree(model, io::parse_colmap({read_file(cameras), read_file(images), "",
+                                             /*binary=*/false, folder.string()}));
+    } catch (const DataError&) {
+      return true;
+    }
+  };
+  if (!differs()) return;
+  warnings.add(folder.string(),
+               ": expected one model, found cameras.txt and images.txt that differ ",
+               "from the .bin files; the .bin files are read; remove those that are out of date");
+}
+
 void tell_unused(const fs::path& root, const fs::path& model, const fs::path& frames,
                  const std::vector<fs::path>& read, const Warnings& warnings) {
   UnusedParts unused = unused_in_any_layout(root, frames, /*names_masks=*/false, read);
-  unused.look_for_files(root, {{"events*.h5", "events; frames have no exposure times here"},
-                               {"events*.npz", "events; frames have no exposure times here"},
+  unused.look_for_files(root, {{"events*", "events; frames have no exposure times here"},
+                               {"events*/", "events; frames have no exposure times here"},
                                {"timestamps.npz", "times of frames"},
                                {"poses_bounds*.npy", "other poses"},
                                {"train_test_lists*", "a split"},
@@ -283,6 +346,7 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
                            ": expected images with poses, found none; copy the model again or "
                            "rerun COLMAP"));
   }
+  tell_text_model(folder, model, warnings);
   find_points(folder, warnings, model);
   const geometry::Vector3 origin = recentre(model);
   std::sort(model.images.begin(), model.images.end(),
@@ -311,6 +375,7 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
     warnings.add(image_folder.string(), ": images of the model without a file: ", listing(missing),
                  near_name(image_folder, missing, paths));
   }
+  check_own_files(paths, views);
   const std::vector<Frame> frames =
       read_frames(paths, MaskSources(options), warnings, FrameSizes::kAny);
   tell_unplaced(image_folder, paths, warnings);
@@ -324,10 +389,15 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
   data.split = split.rule;
   std::vector<geometry::Pose> poses;
   Undistorter undistorter;
+  std::string scaled;
   for (size_t i = 0; i < frames.size(); ++i) {
     const geometry::Pose pose = pose_of(*views[i]);
     const io::ColmapCamera& listed = model.camera(views[i]->camera_id);
     torch::Tensor image = frames[i].image, mask = frames[i].mask;
+    if (scaled.empty()) {
+      scaled = scale_note({1, 1, 0, 0, listed.width, listed.height}, image.size(2), image.size(1),
+                          name_of(listed));
+    }
     const geometry::Intrinsics camera = undistorter.undistort(
         lens_camera_of(listed, image.size(2), image.size(1)), name_of(listed), image, mask);
     poses.push_back(pose);
@@ -344,6 +414,7 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
       data.train.push_back(std::move(exposure));
     }
   }
+  if (!scaled.empty()) data.notes.push_back(scaled);
   undistorter.tell(warnings, data.notes);
   set_points(model, data);
   const DepthBounds bounds = depth_bounds(data.points, poses);

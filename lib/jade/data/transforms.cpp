@@ -32,9 +32,10 @@ struct ListedView {
   std::string given;  ///< 'file_path' as in the file, with slashes
   fs::path path, mask;
   geometry::Pose pose;
-  geometry::Intrinsics camera;      ///< 0 if the file does not contain it
-  double angle_x = 0, angle_y = 0;  ///< fields of view in radians, used without a focal length
-  double reduction = 1;             ///< camera size / image size, without 'w', 'h'
+  geometry::Intrinsics camera;        ///< 0 if the file does not contain it
+  double angle_x = 0, angle_y = 0;    ///< fields of view in radians, used without a focal length
+  double beside_x = 0, beside_y = 0;  ///< those stated beside a focal length; 0: none
+  double reduction = 1;               ///< camera size / image size, without 'w', 'h'
   geometry::Lens lens;
 };
 
@@ -144,6 +145,29 @@ void tell_zero_centres(const fs::path& path, size_t count, const Warnings& warni
                "which is a corner of the image; its middle is used instead");
 }
 
+bool is_fraction(double place) { return place > 0 && place <= 1; }
+
+void tell_fractional_centres(const fs::path& path, size_t count, const Warnings& warnings) {
+  if (count == 0) return;
+  warnings.add(path.string(), ": expected a principal point (cx, cy) in px, found values up to 1 ",
+               "in ", count, " frames; they are read as fractions of the image size; write px");
+}
+
+/// ", found 'fov'" for the keys that may mean a focal length; else ", found none of them".
+std::string like_focal_lengths(const json& root, const json& frame) {
+  std::vector<std::string> found;
+  for (const json* object : {&root, &frame}) {
+    for (const auto& [key, value] : object->items()) {
+      for (const char* part : {"fov", "focal", "intrinsic", "angle", "fx", "fl"}) {
+        if (key.find(part) == std::string::npos) continue;
+        found.push_back("'" + key + "'");
+        break;
+      }
+    }
+  }
+  return ", found " + (found.empty() ? "none of them" : listing(found));
+}
+
 /// A file and the views whose images are there.
 struct TransformsFile {
   fs::path path;
@@ -172,7 +196,7 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
   std::vector<ListedView> views;
   NamedFiles files{path.parent_path(), image_folder, {}, {}};
   if (!image_folder.empty()) find_image_folder(path.parent_path(), image_folder);
-  size_t contradicting = 0, zero_centres = 0;
+  size_t contradicting = 0, zero_centres = 0, fractional_centres = 0;
   std::string contradicting_model;
   for (const json& frame : root["frames"]) {
     const std::string where = concat(path.string(), " frame ", views.size() + files.missing.size());
@@ -183,6 +207,7 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
     view.mask = mask_of(path.parent_path(), image_folder, frame, where);
     view.camera = camera_of_frame(root, frame, where);
     if (gives_zero(root, frame, "cx") || gives_zero(root, frame, "cy")) ++zero_centres;
+    if (is_fraction(view.camera.cx) || is_fraction(view.camera.cy)) ++fractional_centres;
     view.lens = lens_of_frame(root, frame, where);
     const std::string model = camera_model_of(root, frame);
     const bool is_pinhole = model == "PINHOLE" || model == "SIMPLE_PINHOLE";
@@ -194,12 +219,14 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
       throw DataError(concat(where, ": expected a 'transform_matrix'"));
     }
     view.pose = pose_of_matrix(frame["transform_matrix"], where);
-    if (view.camera.fx == 0) view.angle_x = angle_of(root, frame, "camera_angle_x", where);
-    if (view.camera.fy == 0) view.angle_y = angle_of(root, frame, "camera_angle_y", where);
+    if (view.camera.fx == 0) view.angle_x = angle_of(root, frame, 'x', where);
+    if (view.camera.fy == 0) view.angle_y = angle_of(root, frame, 'y', where);
+    if (view.camera.fx > 0) view.beside_x = angle_beside_focal(root, frame, 'x');
+    if (view.camera.fy > 0) view.beside_y = angle_beside_focal(root, frame, 'y');
     if (view.camera.fx + view.camera.fy + view.angle_x + view.angle_y == 0) {
-      throw DataError(concat(where,
-                             ": expected 'fl_x' or 'camera_angle_x', found neither; add the focal "
-                             "length in px or the field of view in radians"));
+      throw DataError(concat(where, ": expected 'fl_x', 'camera_angle_x' or 'x_fov'",
+                             like_focal_lengths(root, frame),
+                             "; add the focal length in px or the field of view in radians"));
     }
     if (!image_folder.empty() && (view.camera.width == 0 || view.camera.height == 0)) {
       set_size_before_reduction(path.parent_path(), image_folder, view);
@@ -209,30 +236,83 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
   check_listed_once(path, views);
   tell_contradicting_models(path, contradicting, contradicting_model, warnings);
   tell_zero_centres(path, zero_centres, warnings);
+  tell_fractional_centres(path, fractional_centres, warnings);
   tell_moved(path, files.moved, warnings);
   tell_missing(path, files, root["frames"].size(), warnings);
   if (views.empty()) throw DataError(concat(path.string(), ": has no frames"));
   return {path, std::move(root), std::move(views), {files.missing.begin(), files.missing.end()}};
 }
 
-geometry::LensCamera fit_camera(const ListedView& view, int64_t width, int64_t height) {
+double focal_of(double angle, int64_t size) { return 0.5 * double(size) / std::tan(0.5 * angle); }
+
+/// The camera as listed; its size is that of its image if the file does not contain it.
+geometry::Intrinsics sized_camera(const ListedView& view, int64_t width, int64_t height) {
   geometry::Intrinsics camera = view.camera;
-  if (camera.width <= 0 || camera.height <= 0) {
-    camera.width = std::llround(double(width) * view.reduction);
-    camera.height = std::llround(double(height) * view.reduction);
-  }
-  const auto focal = [](double angle, int64_t size) {
-    return 0.5 * double(size) / std::tan(0.5 * angle);
-  };
-  if (view.angle_x > 0) camera.fx = focal(view.angle_x, camera.width);
-  if (view.angle_y > 0) camera.fy = focal(view.angle_y, camera.height);
+  if (camera.width > 0 && camera.height > 0) return camera;
+  camera.width = std::llround(double(width) * view.reduction);
+  camera.height = std::llround(double(height) * view.reduction);
+  return camera;
+}
+
+geometry::LensCamera fit_camera(const ListedView& view, int64_t width, int64_t height) {
+  geometry::Intrinsics camera = sized_camera(view, width, height);
+  if (view.angle_x > 0) camera.fx = focal_of(view.angle_x, camera.width);
+  if (view.angle_y > 0) camera.fy = focal_of(view.angle_y, camera.height);
   // Assume square pixels if only one of the two is known.
   if (camera.fx == 0) camera.fx = camera.fy;
   if (camera.fy == 0) camera.fy = camera.fx;
   if (camera.cx == 0) camera.cx = 0.5 * double(camera.width);
   if (camera.cy == 0) camera.cy = 0.5 * double(camera.height);
+  if (is_fraction(camera.cx)) camera.cx *= double(camera.width);
+  if (is_fraction(camera.cy)) camera.cy *= double(camera.height);
   return {fit_to_picture(camera, width, height, view.path.string()), view.lens};
 }
+
+/// Warns of cameras whose numbers contradict each other, or lie where only crops have them.
+class DoubtfulCameras {
+ public:
+  void look(const ListedView& view, const geometry::Intrinsics& fitted, int64_t width,
+            int64_t height) {
+    const geometry::Intrinsics camera = sized_camera(view, width, height);
+    const auto compare = [&](const char* axis, double angle, double focal, int64_t size) {
+      constexpr double kMost = 0.03;
+      if (angle == 0 || focal == 0) return false;
+      const double other = focal_of(angle, size);
+      if (std::abs(other - focal) <= kMost * focal) return false;
+      if (differing_++ == 0) {
+        example_ = concat("fl_", axis, " ", focal, " and camera_angle_", axis, " ", angle,
+                          ", which is ", std::round(10 * other) / 10, " px for ", size, " px");
+      }
+      return true;
+    };
+    if (!compare("x", view.beside_x, camera.fx, camera.width))
+      compare("y", view.beside_y, camera.fy, camera.height);
+    const auto near_border = [](double place, int64_t size) {
+      constexpr double kMargin = 0.1;
+      return place < kMargin * double(size) || place > (1 - kMargin) * double(size);
+    };
+    if (!near_border(fitted.cx, fitted.width) && !near_border(fitted.cy, fitted.height)) return;
+    if (beside_++ == 0) {
+      centre_ = concat("(", fitted.cx, ", ", fitted.cy, ") in ", fitted.width, "x", fitted.height);
+    }
+  }
+  void tell(const fs::path& path, const Warnings& warnings) const {
+    if (differing_ > 0) {
+      warnings.add(path.string(), ": expected one focal length, found ", example_, " (", differing_,
+                   " frames); fl_x is used; correct or remove the wrong one");
+    }
+    if (beside_ > 0) {
+      warnings.add(path.string(), ": expected a principal point (cx, cy) near the middle, found ",
+                   centre_, " px (", beside_,
+                   " frames), as only crops have; if it counts from the ",
+                   "middle of the image, add half of the image size");
+    }
+  }
+
+ private:
+  size_t differing_ = 0, beside_ = 0;
+  std::string example_, centre_;
+};
 
 /// A normalised path, so that equal ones compare equal.
 std::string plain_name(const std::string& name) {
@@ -461,8 +541,8 @@ void tell_unused(const fs::path& root, const Listing& found, const Warnings& war
   UnusedParts unused =
       unused_in_any_layout(root, found.views.front().path.parent_path(), names_masks, read);
   unused.look_for_keys(found.keys, unused_keys());
-  unused.look_for_files(root, {{"events*.h5", "events; frames have no exposure times here"},
-                               {"events*.npz", "events; frames have no exposure times here"},
+  unused.look_for_files(root, {{"events*", "events; frames have no exposure times here"},
+                               {"events*/", "events; frames have no exposure times here"},
                                {"timestamps.npz", "times of frames"},
                                {"sparse/", "a COLMAP model"}});
   if (!found.main.root.contains("ply_file_path")) {
@@ -504,10 +584,18 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
     views[i].pose = poses[i] = geometry::with_origin(poses[i], data.origin);
   }
   Undistorter undistorter;
+  DoubtfulCameras doubtful;
+  std::string scaled;
   for (size_t i = 0; i < views.size(); ++i) {
     torch::Tensor image = frames[i].image, mask = frames[i].mask;
-    const geometry::Intrinsics camera = undistorter.undistort(
-        fit_camera(views[i], image.size(2), image.size(1)), options.path.string(), image, mask);
+    const geometry::LensCamera fitted = fit_camera(views[i], image.size(2), image.size(1));
+    if (scaled.empty()) {
+      scaled = scale_note(sized_camera(views[i], image.size(2), image.size(1)), image.size(2),
+                          image.size(1), listing.main.path.string());
+    }
+    doubtful.look(views[i], fitted.pinhole(), image.size(2), image.size(1));
+    const geometry::Intrinsics camera =
+        undistorter.undistort(fitted, options.path.string(), image, mask);
     if (is_test[i]) {
       data.test.push_back({frames[i].name, image, views[i].pose, camera, SharpView::kNoTime});
       data.test.back().mask = mask;
@@ -521,6 +609,8 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
     exposure.mask = mask;
     data.train.push_back(std::move(exposure));
   }
+  doubtful.tell(listing.main.path, warnings);
+  if (!scaled.empty()) data.notes.push_back(scaled);
   undistorter.tell(warnings, data.notes);
   read_points(listing.main, data, warnings);
   tell_unnamed(options.path, options.image_folder, paths, warnings);

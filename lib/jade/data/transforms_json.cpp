@@ -10,6 +10,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/pose_matrix.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::data {
 namespace {
@@ -109,6 +110,8 @@ json read_transforms_json(const fs::path& path) {
   const std::string text = read_file(path);
   const json root = json::parse(text, nullptr, /*allow_exceptions=*/false);
   if (root.is_discarded()) {
+    if (const std::string other = io::stand_in(text.substr(0, 1024), path); !other.empty())
+      throw DataError(concat(path.string(), ": expected JSON in UTF-8, found ", other));
     if (const std::string found = number_beyond_json(text); !found.empty()) {
       throw DataError(concat(path.string(), ": expected finite numbers, found ", found,
                              "; the tool that wrote the file failed there, run it again"));
@@ -121,7 +124,7 @@ json read_transforms_json(const fs::path& path) {
 }
 
 std::string text_of(const json& frame, const char* key, const std::string& where) {
-  if (!frame.is_object() || !frame.contains(key)) return {};
+  if (!frame.is_object() || !frame.contains(key) || frame[key].is_null()) return {};
   if (frame[key].is_string()) return frame[key].get<std::string>();
   throw DataError(concat(where, ": expected '", key, "' to be a path in quotes"));
 }
@@ -165,11 +168,24 @@ geometry::Intrinsics camera_of_frame(const json& root, const json& frame,
   return camera;
 }
 
-double angle_of(const json& root, const json& frame, const char* key, const std::string& where) {
-  const double found = number(frame, key, number(root, key, 0, where), where);
-  if (found >= 0 && found < 3.1) return found;
-  throw DataError(
-      concat(where, ": expected '", key, "' from 0 to 3.1 radians, found ", found, "; correct it"));
+double angle_of(const json& root, const json& frame, char axis, const std::string& where) {
+  const auto value = [&](const std::string& key, double most, const char* unit) {
+    const double found = number(frame, key, number(root, key, 0, where), where);
+    if (found >= 0 && found < most) return found;
+    throw DataError(concat(where, ": expected '", key, "' from 0 to ", most, " ", unit, ", found ",
+                           found, "; correct it"));
+  };
+  constexpr double kRadiansPerDegree = 3.14159265358979323846 / 180;
+  const double angle = value(concat("camera_angle_", axis), 3.1, "radians");
+  return angle > 0 ? angle : kRadiansPerDegree * value(concat(axis, "_fov"), 177, "degrees");
+}
+
+double angle_beside_focal(const json& root, const json& frame, char axis) {
+  const json& object = frame.contains(concat("fl_", axis)) ? frame : root;
+  const auto angle = object.find(concat("camera_angle_", axis));
+  if (angle == object.end() || !angle->is_number()) return 0;
+  const auto found = angle->get<double>();
+  return found > 0 && found < 3.1 ? found : 0;
 }
 
 std::string camera_model_of(const json& root, const json& frame) {

@@ -31,9 +31,13 @@ geometry::Pose pose_of_matrix(const nlohmann::json& matrix, const std::string& w
 geometry::Intrinsics camera_of_frame(const nlohmann::json& root, const nlohmann::json& frame,
                                      const std::string& where);
 
-/// A field of view in radians; 0 if missing.
-double angle_of(const nlohmann::json& root, const nlohmann::json& frame, const char* key,
+/// The field of view along 'x' or 'y' in radians: camera_angle_x, or instant-ngp's x_fov in
+/// degrees; 0 if missing.
+double angle_of(const nlohmann::json& root, const nlohmann::json& frame, char axis,
                 const std::string& where);
+
+/// camera_angle_x or _y in radians of the object that contains the focal length; 0 without it.
+double angle_beside_focal(const nlohmann::json& root, const nlohmann::json& frame, char axis);
 
 /// camera_model in upper case; empty if missing.
 std::string camera_model_of(const nlohmann::json& root, const nlohmann::json& frame);

@@ -120,6 +120,21 @@ geometry::Intrinsics fit_to_picture(const geometry::Intrinsics& camera, int64_t 
                "that belongs to them"));
 }
 
+std::string scale_note(const geometry::Intrinsics& camera, int64_t width, int64_t height,
+                       const std::string& what) {
+  const auto is_multiple = [](int64_t large_w, int64_t large_h, int64_t small_w, int64_t small_h) {
+    const int64_t times = std::max<int64_t>(1, std::llround(double(large_w) / double(small_w)));
+    return std::abs(large_w - times * small_w) <= times &&
+           std::abs(large_h - times * small_h) <= times;
+  };
+  if (is_multiple(camera.width, camera.height, width, height) ||
+      is_multiple(width, height, camera.width, camera.height))
+    return "";
+  return concat(what, ": a camera of ", camera.width, "x", camera.height,
+                " px is scaled to images ", "of ", width, "x", height,
+                " px; if the images were cropped, not resized, give the camera of the crop");
+}
+
 double lens_shift_px(const geometry::LensCamera& camera) {
   if (camera.lens().model == geometry::LensModel::kPinhole) return 0;
   const geometry::Intrinsics& pinhole = camera.pinhole();

@@ -29,6 +29,11 @@ void check_plausible(const geometry::Intrinsics& camera, const std::string& what
 geometry::Intrinsics fit_to_picture(const geometry::Intrinsics& camera, int64_t width,
                                     int64_t height, const std::string& what);
 
+/// A note for a picture whose size is neither a multiple nor a fraction of the camera's by a whole
+/// number, as cropped pictures have; empty for others.
+std::string scale_note(const geometry::Intrinsics& camera, int64_t width, int64_t height,
+                       const std::string& what);
+
 /// How far, in px, a lens moves the border of its picture relative to a pinhole of the same focal
 /// lengths; infinite if the pinhole sees more than the lens.
 double lens_shift_px(const geometry::LensCamera& camera);

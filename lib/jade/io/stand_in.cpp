@@ -24,6 +24,13 @@ bool is_web_page(std::string_view head) {
   return start.rfind("<!doctype html", 0) == 0 || start.rfind("<html", 0) == 0;
 }
 
+/// By the byte order mark, or by JSON's bracket of two bytes.
+bool is_utf16(std::string_view head) {
+  const std::string_view first = head.substr(0, 2);
+  return first == "\xFF\xFE" || first == "\xFE\xFF" || first == std::string_view("{\0", 2) ||
+         first == std::string_view("\0{", 2);
+}
+
 }  // namespace
 
 std::string stand_in(std::string_view head, const fs::path& path) {
@@ -34,6 +41,10 @@ std::string stand_in(std::string_view head, const fs::path& path) {
   }
   if (is_web_page(head)) {
     return "a web page (HTML); download the file itself, not the page that shows it";
+  }
+  if (is_utf16(head)) {
+    return concat("text in UTF-16; convert it to UTF-8: iconv -f UTF-16 -t UTF-8 ", name,
+                  " > utf8_", name);
   }
   if (!is_gzip(head)) return "";
   if (path.extension() == ".gz") {
