@@ -168,6 +168,19 @@ TEST_CASE("calibration: calib.txt of RPG fits any size its centre lies in", "[im
   CHECK(read("199 198 132 110 0 0 0 0 0").cameras.at(0).lens.model == LensModel::kPinhole);
 }
 
+TEST_CASE("calibration: a 3x3 matrix in text is a pinhole", "[import]") {
+  for (const char* text : {"60 0 31.5\n0 61 23.5\n0 0 1\n", "60 0 31.5 0\n0 61 23.5 0\n0 0 1 0\n",
+                           "[[60., 0., 31.5],\n [0., 61., 23.5],\n [0., 0., 1.]]\n",
+                           "60,0,31.5\n0,61,23.5\n0,0,1\n"}) {
+    CAPTURE(text);
+    const auto camera = import::camera_of(read(text), 0, 64, 48, "frames");
+    CHECK((camera.pinhole().fx == 60 && camera.pinhole().fy == 61));
+    CHECK((camera.pinhole().cx == 32 && camera.pinhole().cy == 24));
+    CHECK(camera.lens().model == LensModel::kPinhole);
+  }
+  CHECK_THROWS_NAMING(DataError, read("60 3 31.5\n0 61 23.5\n0 0 1\n"), "3x3", "skew");
+}
+
 TEST_CASE("calibration: another size than the recording's is refused", "[import]") {
   const auto calibration = read(kOpenCv);
   CHECK(import::camera_of(calibration, 0, 346, 260, "frames").pinhole().fx == 250);
@@ -188,7 +201,11 @@ TEST_CASE("calibration: what is missing or unknown is named in one line", "[impo
   check_fails(without(kOpenCv, "distortion_coefficients", "lens"), "distortion_coefficients");
   check_fails(without(kOpenCv, ", 0.01 ]", ", 0.01, 0.1 ]"), "found 6");
   check_fails("199 198 132 110\n", "found 4 numbers");
-  check_fails("", "none of these");
+  check_fails("", "empty file");
+  check_fails(std::string("\xFF\xFE"
+                          "6\0",
+                          4),
+              "UTF-16");
   check_fails("a: [1, 2\n", "not valid YAML");
   CHECK_THROWS_AS(import::read_calibration("no/such/file"), DataError);
 }
@@ -260,7 +277,7 @@ TEST_CASE("calibration: DV's XML, flat or with the camera's section, and its JSO
               "found DVXplorer_DXA00080 and Other");
   check_fails(head + camera, "expected");
   check_fails(without(json, "radialTangential", "fov"), "cameras.C0.distortionModel");
-  check_fails("<html><body>no</body></html>", "none of these");
+  check_fails("<html><body>no</body></html>", "web page");
 }
 
 TEST_CASE("calibration: NaN is refused by name in every form", "[import]") {

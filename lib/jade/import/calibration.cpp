@@ -13,6 +13,7 @@
 #include "jade/core/error.h"
 #include "jade/data/undistorter.h"
 #include "jade/import/calibration_xml.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::import {
 namespace {
@@ -425,8 +426,35 @@ Calibration rpg(const std::filesystem::path& path, const std::vector<double>& k)
   return {path, {camera}, {}};
 }
 
-/// The numbers of a file that contains nothing else; NaN is allowed.
-std::vector<double> plain_numbers(const std::string& text) {
+/// Whether nine or twelve numbers are a camera matrix in rows: fx s cx 0 fy cy 0 0 1, or with a
+/// fourth column of zeros.
+bool is_matrix(const std::vector<double>& k) {
+  if (k.size() != 9 && k.size() != 12) return false;
+  const size_t columns = k.size() / 3;
+  const auto at = [&](size_t row, size_t column) { return k[columns * row + column]; };
+  const bool last = at(2, 0) == 0 && at(2, 1) == 0 && at(2, 2) == 1;
+  return last && at(1, 0) == 0 &&
+         (columns == 3 || (at(0, 3) == 0 && at(1, 3) == 0 && at(2, 3) == 0));
+}
+
+/// A camera matrix alone: a pinhole without distortion.
+Calibration plain_matrix(const std::filesystem::path& path, const std::vector<double>& k) {
+  const size_t columns = k.size() / 3;
+  if (std::abs(k[1]) > 1e-3 * std::abs(k[0])) {
+    throw DataError(concat(path.string(), ": expected a 3x3 matrix without skew, found ", k[1],
+                           " there; calibrate without"));
+  }
+  CalibratedCamera camera;
+  camera.fx = k[0], camera.fy = k[columns + 1];
+  camera.cx = k[2] + 0.5, camera.cy = k[columns + 2] + 0.5;
+  return {path, {camera}, {}};
+}
+
+/// The numbers of a file that contains nothing else but commas, semicolons or brackets between
+/// them; NaN is allowed.
+std::vector<double> plain_numbers(std::string text) {
+  const auto parts = [](char c) { return c == ',' || c == ';' || c == '[' || c == ']'; };
+  std::replace_if(text.begin(), text.end(), parts, ' ');
   std::istringstream in(text);
   std::vector<double> out;
   for (std::string word; in >> word;) {
@@ -454,7 +482,10 @@ Calibration read_calibration(const std::filesystem::path& path) {
         concat(path.string(), ": expected a calibration file, found none; correct the path"));
   }
   const std::string text = read_file(path);
+  if (const std::string other = io::stand_in(text.substr(0, 1024), path); !other.empty())
+    throw DataError(concat(path.string(), ": expected a calibration file, found ", other));
   const auto row = plain_numbers(text);
+  if (is_matrix(row)) return plain_matrix(path, row);
   if (row.size() == 8 || row.size() == 9) return rpg(path, row);
   const DocumentNode root = is_xml(text) ? read_xml(path, text) : document(path);
   if (root.find("cam0")) return kalibr(path, root);
@@ -470,7 +501,8 @@ Calibration read_calibration(const std::filesystem::path& path) {
   if (const auto storage = dv_storage(path, root)) return *storage;
   throw DataError(concat(path.string(),
                          ": expected a calibration by Kalibr (cam0), OpenCV or ROS (camera_matrix, "
-                         "or K and D), DV (cameras) or RPG (fx fy cx cy k1 k2 p1 p2 k3), found ",
+                         "or K and D), DV (cameras), RPG (fx fy cx cy k1 k2 p1 p2 k3) or a 3x3 "
+                         "matrix, found ",
                          row.empty() ? "none of these" : concat(row.size(), " numbers"),
                          "; export it in one of these forms"));
 }
