@@ -30,6 +30,7 @@ TEST_CASE("image: frames that are all black or fill 10 or 12 of 16 bits are repo
   CHECK(range_fault(images(65535, 65535)).empty());
   CHECK(range_fault(images(15, 255)).empty());  // dark, in 8 bits
   CHECK(range_fault(images(290, 65535)).find("10-bit") != std::string::npos);
+  CHECK(range_fault(images(255, 65535)).find("multiply the frames by 257") != std::string::npos);
   const std::string fault = range_fault(images(4095, 65535));
   CHECK(fault.find("4095") != std::string::npos);
   CHECK(fault.find("multiply the frames by 16") != std::string::npos);

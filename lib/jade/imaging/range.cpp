@@ -34,7 +34,8 @@ std::string range_fault(const std::vector<torch::Tensor>& images) {
                        [&](const torch::Tensor& image) { return has_steps(image, steps); });
   };
   if (!all_have(kFull) || all_have(255)) return "";
-  const int bits = top <= 1023 ? 10 : 12, factor = bits == 10 ? 64 : 16;
+  const int bits = top <= 255 ? 8 : top <= 1023 ? 10 : 12;
+  const int factor = bits == 8 ? 257 : bits == 10 ? 64 : 16;
   return concat("expected 16-bit frames that reach up to 65535, found ", top,
                 " as the brightest value of ", images.size(), " frames, as in ", bits,
                 "-bit images: the scene would be ", factor,
