@@ -209,6 +209,18 @@ TEST_CASE("config: paths start at the file that names them", "[config]") {
   CHECK(load_text(dir, "", {"data=z"}).data == std::filesystem::current_path() / "z");
 }
 
+TEST_CASE("config: a path with ~ or a variable has a warning that it is not expanded", "[config]") {
+  const test::TempDir dir;
+  set_log_file(dir / "log.txt");
+  load_text(dir, "data: ~/scene\n");
+  load_text(dir, "", {"data=$HOME/scene"});
+  load_text(dir, "data: a$/scene\n");
+  set_log_file({});
+  const std::string log = read_file(dir / "log.txt");
+  CHECK_THAT(log, Catch::Contains("'~/scene'") && Catch::Contains("'$HOME/scene'") &&
+                      !Catch::Contains("a$/scene"));
+}
+
 TEST_CASE("config: a mistake is one line with place, key, expectation and finding", "[config]") {
   const test::TempDir dir;
   CHECK(error_of(dir, "route:\n  lrr: 1\n") ==

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The only reader of YAML.
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <fstream>
 #include <iostream>
@@ -265,6 +266,15 @@ class Reader {
     target = text.empty() ? fs::path() : fs::path(text);
     if (!text.empty() && target.is_relative())
       target = fs::absolute(layer.folder / target).lexically_normal();
+    const size_t dollar = text.find('$');
+    const bool variable = dollar != std::string::npos && dollar + 1 < text.size() &&
+                          (std::isalpha(static_cast<unsigned char>(text[dollar + 1])) != 0 ||
+                           text[dollar + 1] == '{' || text[dollar + 1] == '_');
+    std::error_code error;
+    if ((variable || text.rfind('~', 0) == 0) && !fs::exists(target, error)) {
+      warn_once(concat(layer.name, ": expected a whole path, found '", text,
+                       "': ~ and $VARIABLES are not expanded here; write the path out"));
+    }
     return true;
   }
   template <class T>
