@@ -81,6 +81,26 @@ TEST_CASE("damage: a scene without events loads, with a warning", "[data]") {
   CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("other.h5"));
 }
 
+TEST_CASE("damage: files named like events that are not read are named", "[data]") {
+  Scene scene;
+  fs::remove(scene.root / "events.h5");
+  write_file(scene.root / "events.txt.gz", "x");
+  fs::create_directories(scene.root / "events_npz");
+  CHECK(mentions(scene.warnings(), "events.txt.gz, events_npz/"));
+}
+
+TEST_CASE("damage: a scene without times or events goes by its COLMAP model", "[data]") {
+  Scene scene;
+  for (const char* name : {"images_1/timestamps.npz", "all_timestamps.npy"})
+    fs::remove(scene.root / name);
+  fs::create_directories(scene.root / "sparse/0");
+  for (const char* name : {"cameras", "images"})
+    write_file(scene.root / "sparse/0" / (std::string(name) + ".txt"), "");
+  CHECK_THROWS_WITH(scene.warnings(), test::naming("timestamps.npz", "dataset.kind colmap"));
+  fs::remove(scene.root / "events.h5");
+  CHECK(recognise_dataset(scene.root) == DatasetKind::kColmap);
+}
+
 TEST_CASE("damage: unsorted events are sorted, with a warning", "[data]") {
   Scene scene;
   scene.rewrite_events([](test::RawEvents& raw) { std::swap(raw.t[10], raw.t[500]); });

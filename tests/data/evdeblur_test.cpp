@@ -82,6 +82,16 @@ TEST_CASE("evdeblur: gains of frames are restored, and broken ones are named", "
   }
 }
 
+TEST_CASE("evdeblur: gains without a header line count from the first line on", "[data]") {
+  const test::TempDir folder;
+  write_evdeblur(folder / "scene", test::tiny_content());
+  const std::string name = load(folder / "scene").train[0].name;
+  folder.write("scene/gains.csv", name + ",1.9\r\n\r\n");
+  CHECK(load(folder / "scene").train[0].gain == 1.9);
+  folder.write("scene/gains.csv", name + ";1.9\n");
+  CHECK_THROWS_WITH(load(folder / "scene"), Catch::Contains("gains.csv:1"));
+}
+
 TEST_CASE("evdeblur: frames go by their numbers, with a warning where text would not", "[data]") {
   const test::TempDir folder;
   const fs::path images = folder / "scene/images_1";

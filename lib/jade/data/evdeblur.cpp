@@ -12,6 +12,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/bayer.h"
+#include "jade/data/colmap_scene.h"
 #include "jade/data/event_file.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
@@ -49,7 +50,11 @@ fs::path times_file(const fs::path& root, const fs::path& images) {
   }
   throw DataError(concat((images / "timestamps.npz").string(),
                          ": missing; it must hold timestamps_start and timestamps_end, one each a "
-                         "frame"));
+                         "frame",
+                         find_colmap_model(root).empty()
+                             ? ""
+                             : "; set dataset.kind colmap to read the frames without times or "
+                               "events, by the COLMAP model"));
 }
 
 geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
@@ -308,17 +313,27 @@ void read_points(const fs::path& path, Dataset& data) {
   data.point_colors = colors.to(torch::kFloat32) / 255;
 }
 
-/// Reads lines "name,gain" after a header: the brightness of each frame relative to the scene.
-void read_gains(const fs::path& path, Dataset& data) {
+/// Reads lines "name,gain", the first of which may be a header: the brightness of each frame
+/// relative to the scene.
+void read_gains(const fs::path& path, const Warnings& warnings, Dataset& data) {
   if (!fs::exists(path)) return;
   std::map<std::string, double> gains;
   std::istringstream text(read_file(path));
   int64_t number = 0;
   for (std::string line; std::getline(text, line);) {
-    if (++number == 1 || line.empty()) continue;
+    if (++number == 1 && line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);
+    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
     const auto comma = line.rfind(',');
     double gain = 0;
-    if (comma != std::string::npos) gain = std::strtod(line.c_str() + comma + 1, nullptr);
+    if (comma != std::string::npos) {
+      char* end = nullptr;
+      gain = std::strtod(line.c_str() + comma + 1, &end);
+      if (number == 1 && end == line.c_str() + comma + 1) continue;
+      if (number == 1) {
+        warnings.add(path.string(), ": expected the first line \"name,gain\", found '", line,
+                     "'; it is read as the gain of a frame");
+      }
+    }
     if (!(gain > 0 && gain < kMostGain)) {
       throw DataError(concat(path.string(), ":", number,
                              ": expected \"name,gain\" with a gain between 0 and ", kMostGain,
@@ -354,8 +369,30 @@ void tell_unused(const fs::path& root, const fs::path& frames, const Warnings& w
 
 }  // namespace
 
+namespace {
+
+/// Whether a folder, or one in it, has the times of frames.
+bool has_times(const fs::path& folder) {
+  if (fs::exists(folder / "timestamps.npz")) return true;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
+    if (fs::exists(entry->path() / "timestamps.npz", ignored)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
 bool is_evdeblur(const fs::path& folder) {
-  if (fs::exists(folder / "poses_bounds.npy")) return true;
+  if (fs::exists(folder / "poses_bounds.npy")) {
+    // Scenes of Deblur-NeRF have neither times nor events, but a COLMAP model.
+    DatasetOptions options;
+    options.path = folder;
+    return has_times(folder) || !find_event_file(options).empty() ||
+           fs::exists(folder / "all_timestamps.npy") || find_colmap_model(folder).empty();
+  }
   for (const char* images : {"images_1", "images"}) {
     if (fs::exists(folder / images / "timestamps.npz")) return true;
   }
@@ -388,7 +425,7 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
   }
   attach_events(options, span, keep, warnings, data);
   read_points(options.path / "points.npz", data);
-  read_gains(options.path / kGainFile, data);
+  read_gains(options.path / kGainFile, warnings, data);
   const fs::path color_map = options.path / "ev_map.npz";
   if (options.color_events && fs::exists(color_map)) {
     const geometry::Intrinsics& camera = data.train.front().camera;

@@ -4,6 +4,7 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <cmath>
 #include <torch/types.h>
 
@@ -103,13 +104,37 @@ fs::path find_event_file(const DatasetOptions& options) {
   return {};
 }
 
+namespace {
+
+/// "; found events.txt.gz, events/ , not read", for entries named like events; else empty.
+std::string unread_events(const fs::path& folder) {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
+    std::string name = entry->path().filename().string(), small = name;
+    std::transform(small.begin(), small.end(), small.begin(),
+                   [](unsigned char letter) { return char(std::tolower(letter)); });
+    if (small.rfind("event", 0) != 0) continue;
+    names.push_back(name + (entry->is_directory(ignored) ? "/ (a folder)" : ""));
+  }
+  if (names.empty()) return "";
+  std::sort(names.begin(), names.end());
+  return concat("; found ", listing(names, 4),
+                ", not read: unpack it, or convert it to one events.h5 with x, y, t and p");
+}
+
+}  // namespace
+
 void attach_events(const DatasetOptions& options, const EventSpan& exposures, const EventSpan& keep,
                    const Warnings& warnings, Dataset& data) {
   const fs::path path = find_event_file(options);
   if (path.empty()) {
     warnings.add(options.path.string(),
                  ": no recording of events (events.h5); only the frames are "
-                 "used, set dataset.events_file if there is one");
+                 "used, set dataset.events_file if there is one",
+                 unread_events(options.path));
     return;
   }
   check_room(path, data);
