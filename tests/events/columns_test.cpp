@@ -96,6 +96,13 @@ TEST_CASE("columns: names in any case, with units, beside other names", "[events
   CHECK(unit_in_name("timestamp [us]") == TimeUnit::kUs);
   CHECK(unit_in_name("Time(s)") == TimeUnit::kS);
   CHECK(named_columns({"timestamp_ms", "x", "y", "p"}) == Columns{1, 2, 0, 3});
+  CHECK(named_columns({"time", "row", "column", "polarity"}) == Columns{2, 1, 0, 3});
+  CHECK(named_columns({"t_us", "py", "px", "pol"}) == Columns{2, 1, 0, 3});
+  CHECK(named_columns({"x_coordinate", "yCoord", "time_stamp", "sign"}) == Columns{0, 1, 2, 3});
+  CHECK(named_columns({"pixel_x", "pos_y", "us", "is_on"}) == Columns{0, 1, 2, 3});
+  CHECK(named_columns({"index", "t", "x", "y", "p", "row"}) == Columns{2, 3, 1, 4});
+  CHECK_FALSE(named_columns({"t", "x", "row", "y_pos", "p"}));
+  CHECK_FALSE(named_columns({"t", "a", "b", "p"}));
   CHECK(event_field("times_usec") == 2);
   CHECK(event_field("x_ms") == -1);
   CHECK(unit_in_name("timestamp_ms") == TimeUnit::kMs);

@@ -404,7 +404,9 @@ TEST_CASE("event files: times without a name that look like milliseconds are a w
   CHECK(read(1e6, 4).warnings.empty());
   CHECK(read(1, 0).warnings.empty());
   std::ofstream dense(dir / "b.txt");
-  for (int i = 0; i < 200000; ++i) dense << i / 200 << " 1 2 " << i % 2 << '\n';
+  for (int i = 0; i < 200000; ++i) {
+    dense << i / 200 << ' ' << i % 31 << ' ' << i % 23 << ' ' << i % 2 << '\n';
+  }
   dense.close();
   const auto counted = read_events(dir / "b.txt");
   REQUIRE(counted.warnings.size() == 1);
@@ -556,6 +558,68 @@ TEST_CASE("event files: text with seconds and nanoseconds, and in UTF-16", "[eve
              jade::test::naming("a.csv:2", "999999999", "1.5e+09"));
   CHECK_THAT(message_of([&] { read(std::string("\xFF\xFEt\0,\0", 6)); }),
              jade::test::naming("UTF-16", "iconv"));
+}
+
+TEST_CASE("event files: a first line of unknown names is reported with the order assumed",
+          "[events]") {
+  const TempDir dir;
+  const auto read = [&](const std::string& text) {
+    std::ofstream(dir / "a.csv") << text;
+    return read_events(dir / "a.csv");
+  };
+  const auto result = read("when,across,down,which\n100,1.5,0,1\n250,2,1,0\n");
+  REQUIRE(result.warnings.size() == 1);
+  CHECK_THAT(result.warnings[0],
+             jade::test::naming("when,across,down,which", "read as t, x, y, p"));
+  const auto in_words = read("t,row,col,p\n100,5,1,1\n");
+  CHECK(in_words.events.y()[0].item<float>() == 5);
+  REQUIRE(in_words.warnings.size() == 1);
+  CHECK_THAT(in_words.warnings[0], jade::test::naming("col as x", "row as y"));
+  CHECK(read("t,x,y,p\n100,5,1,1\n").warnings.empty());
+  CHECK(read("346 260\n100,5,1,1\n").warnings.empty());
+}
+
+TEST_CASE("event files: a unit in which almost no event meets the exposures is refused",
+          "[events]") {
+  const TempDir dir;
+  std::vector<float> x(400, 1), y(400, 2);
+  std::vector<int64_t> t;
+  for (int64_t i = 0; i < 400; ++i) t.push_back(1000 * i);
+  write_h5<float, int64_t>(dir / "a.h5", x, y, t, std::vector<int8_t>(400, 1));
+  const auto read = [&](const TimeWindow& exposures) {
+    return read_events(dir / "a.h5", {TimeUnit::kAuto, exposures, {}});
+  };
+  // In seconds the events would cover five days, and these exposures with them.
+  CHECK_THAT(message_of([&] {
+               read({1000500, 1400000});
+             }),
+             jade::test::naming("no likely unit", "of one recording"));
+  CHECK(read({100000, 110000}).time_unit == TimeUnit::kUs);
+}
+
+TEST_CASE("event files: events that are stored twice are reported", "[events]") {
+  const TempDir dir;
+  std::vector<float> x, y;
+  std::vector<int64_t> t;
+  std::vector<int8_t> p;
+  // A part of the last `again` of 2000 is stored again at the end.
+  const auto warned = [&](int64_t again) {
+    x.clear(), y.clear(), t.clear(), p.clear();
+    for (int64_t i = 0; i < 2000 + again; ++i) {
+      const int64_t event = i < 2000 ? i : i - again;
+      x.push_back(float(event % 17)), y.push_back(float(event % 11));
+      t.push_back(event / 3 * 40), p.push_back(int8_t(event % 2));
+    }
+    write_h5<float, int64_t>(dir / "a.h5", x, y, t, p);
+    for (const std::string& line : read_events(dir / "a.h5").warnings) {
+      if (line.find("each event once") != std::string::npos) return true;
+    }
+    return false;
+  };
+  CHECK(warned(2000));
+  CHECK(warned(200));
+  CHECK_FALSE(warned(20));
+  CHECK_FALSE(warned(0));
 }
 
 TEST_CASE("event files: compressed lists and other polarities say what to do", "[events]") {

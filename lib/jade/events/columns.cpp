@@ -64,6 +64,57 @@ Columns with_time(size_t time, size_t polarity) {
   return out;
 }
 
+/// The field as event_field() finds it, or by a name in words; a row is a y.
+int field_in_words(const std::string& name) {
+  static const std::map<std::string, int> known{
+      {"u", 0},      {"px", 0},      {"col", 0},        {"cols", 0},
+      {"column", 0}, {"columns", 0}, {"horizontal", 0}, {"v", 1},
+      {"py", 1},     {"row", 1},     {"rows", 1},       {"vertical", 1},
+      {"stamp", 2},  {"clock", 2},   {"timestamp", 2},  {"polarization", 3},
+      {"sign", 3},   {"signs", 3},   {"ison", 3},       {"onoff", 3}};
+  static const char* const fillers[] = {"coordinates", "coordinate", "coords", "coord", "address",
+                                        "addr",        "position",   "pixels", "pixel", "pos",
+                                        "index",       "idx",        "event",  "ev",    "px"};
+  if (const int field = event_field(name); field >= 0) return field;
+  const std::string plain = plain_word(name.substr(0, name.find_first_of("[(")));
+  if (unit_of_word(plain) && plain != "s") return 2;
+  std::string word;
+  for (const char c : plain) {
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0) word += c;
+  }
+  const auto field_of = [&](const std::string& text) {
+    const auto found = known.find(text);
+    return found != known.end() ? found->second : event_field(text);
+  };
+  if (const int field = field_of(word); field >= 0) return field;
+  for (const std::string filler : fillers) {
+    if (word.size() <= filler.size()) continue;
+    const size_t rest = word.size() - filler.size();
+    int field = -1;
+    if (word.compare(rest, filler.size(), filler) == 0) field = field_of(word.substr(0, rest));
+    if (field < 0 && word.compare(0, filler.size(), filler) == 0)
+      field = field_of(word.substr(filler.size()));
+    if (field >= 0) return field;
+  }
+  return -1;
+}
+
+/// The columns that `field_of` finds by name; no value unless each of the four appears once.
+template <class FieldOf>
+std::optional<Columns> columns_by(const std::vector<std::string>& names, const FieldOf& field_of) {
+  Columns columns{};
+  std::array<bool, 4> found{};
+  for (size_t i = 0; i < names.size(); ++i) {
+    const int field = field_of(names[i]);
+    if (field < 0) continue;
+    if (found[size_t(field)]) return std::nullopt;
+    found[size_t(field)] = true;
+    columns[size_t(field)] = i;
+  }
+  const bool all = std::all_of(found.begin(), found.end(), [](bool f) { return f; });
+  return all ? std::optional(columns) : std::nullopt;
+}
+
 class ColumnSearch {
  public:
   ColumnSearch(const std::vector<Row>& rows, Preference preference, const std::string& where,
@@ -199,17 +250,8 @@ std::optional<std::pair<size_t, size_t>> time_in_two(const std::vector<std::stri
 }
 
 std::optional<Columns> named_columns(const std::vector<std::string>& names) {
-  Columns columns{};
-  std::array<bool, 4> found{};
-  for (size_t i = 0; i < names.size(); ++i) {
-    const int field = event_field(names[i]);
-    if (field < 0) continue;
-    if (found[size_t(field)]) return std::nullopt;
-    found[size_t(field)] = true;
-    columns[size_t(field)] = i;
-  }
-  const bool all = std::all_of(found.begin(), found.end(), [](bool f) { return f; });
-  return all ? std::optional(columns) : std::nullopt;
+  if (const auto columns = columns_by(names, event_field)) return columns;
+  return columns_by(names, field_in_words);
 }
 
 Columns likely_columns(const std::vector<Row>& rows, Preference preference,

@@ -30,8 +30,9 @@ std::optional<std::pair<size_t, size_t>> time_in_two(const std::vector<std::stri
 using Columns = std::array<size_t, 4>;
 constexpr Columns kTimeFirst{1, 2, 0, 3}, kPlaceFirst{0, 1, 2, 3};
 
-/// Columns of x, y, t and p by name; other names are ignored. No value if one of the four is
-/// missing or appears twice.
+/// Columns of x, y, t and p by name; other names are ignored. If one of the four is missing, names
+/// in words count too: "row", "x_coordinate", "px". No value if one is still missing, or appears
+/// twice.
 std::optional<Columns> named_columns(const std::vector<std::string>& names);
 
 /// Four numbers per row.

@@ -155,6 +155,68 @@ bool is_sorted_in_time(const torch::Tensor& t_us) {
   return std::is_sorted(t, t + t_us.numel());
 }
 
+double in_unit(int64_t us, TimeUnit unit) {
+  return unit == TimeUnit::kNs ? double(us) * 1e3 : double(us) / us_per_unit(unit);
+}
+
+DataError two_clocks(const std::filesystem::path& path, double first, double last,
+                     const TimeWindow& exposures, const std::string& found) {
+  return DataError(concat(path.string(), ": events run from ", first, " to ", last,
+                          ", exposures from ", exposures.begin_us, " to ", exposures.end_us,
+                          " us: ", found, "; are both of one recording, and is the offset between ",
+                          "them right (jade_import: --offset-ms)?"));
+}
+
+/// Checks a guessed unit by the events. A wrong one may spread the events over years, of which the
+/// exposures cover a moment.
+/// @throws DataError if almost no event falls between the first and the last exposure.
+void check_guess(const std::filesystem::path& path, const EventFileResult& read,
+                 const TimeWindow& exposures) {
+  constexpr int64_t kFewest = 100, kFew = 100, kRare = 100, kRarest = 100000, kLong = 1000;
+  const TimeUnit unit = read.time_unit;
+  const int64_t stored = read.stored, inside = read.events.slice(exposures).size();
+  if (stored < kFewest || inside * kRare >= stored) return;
+  if (inside >= kFew && inside * kRarest >= stored) return;
+  // The events near the exposures may be all that was read; then only none is too few.
+  if (read.events.size() < stored &&
+      (inside > 0 || read.stored_us.duration_us() < kLong * exposures.duration_us()))
+    return;
+  throw two_clocks(path, in_unit(read.stored_us.begin_us, unit),
+                   in_unit(read.stored_us.end_us - 1, unit), exposures,
+                   concat("the two clocks overlap in no likely unit; ", inside, " of ", stored,
+                          " events lie between the first and the last exposure"));
+}
+
+/// Warns of events that occur twice: same pixel, time and polarity.
+void tell_repeated(const std::filesystem::path& path, EventFileResult& result) {
+  constexpr int64_t kPieces = 64, kPiece = 16384, kBefore = 64, kFewest = 1000;
+  constexpr double kMany = 0.05;
+  const EventStream& events = result.events;
+  if (events.size() < kFewest) return;
+  const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
+  const int64_t* t = events.t_us().const_data_ptr<int64_t>();
+  const int8_t* p = events.polarity().const_data_ptr<int8_t>();
+  const int64_t step = std::max(kPiece, events.size() / kPieces);
+  int64_t looked = 0, repeated = 0;
+  for (int64_t begin = 0; begin < events.size(); begin += step) {
+    const int64_t end = std::min(begin + kPiece, events.size());
+    for (int64_t i = begin; i < end; ++i) {
+      ++looked;
+      for (int64_t j = i - 1; j >= std::max<int64_t>(0, i - kBefore) && t[j] == t[i]; --j) {
+        if (x[j] != x[i] || y[j] != y[i] || p[j] != p[i]) continue;
+        ++repeated;
+        break;
+      }
+    }
+  }
+  const double share = double(repeated) / double(looked);
+  if (share <= kMany) return;
+  result.warnings.push_back(concat(
+      path.string(), ": expected each event once, found ", std::round(100 * share),
+      " % that repeat the pixel, time and polarity of another; the thresholds come out too small; "
+      "if the file was joined of parts that overlap, keep each event once"));
+}
+
 /// @param said  unit in the name of the file's times
 TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range, TimeUnit said,
                      const EventFileOptions& options) {
@@ -164,16 +226,8 @@ TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range, 
   const std::optional<TimeUnit> unit =
       guess_time_unit(range.first, range.last, range.has_fraction, options.exposures);
   if (unit) return *unit;
-  throw DataError(concat(path.string(), ": events run from ", range.first, " to ", range.last,
-                         ", exposures from ", options.exposures->begin_us, " to ",
-                         options.exposures->end_us,
-                         " us: the two clocks do not overlap in us, ns, ms or s; are both of one "
-                         "recording, and is the offset between them right (jade_import: "
-                         "--offset-ms)?"));
-}
-
-double in_unit(int64_t us, TimeUnit unit) {
-  return unit == TimeUnit::kNs ? double(us) * 1e3 : double(us) / us_per_unit(unit);
+  throw two_clocks(path, range.first, range.last, *options.exposures,
+                   "the two clocks do not overlap in us, ns, ms or s");
 }
 
 /// Stretches of the file that contain the requested events; the whole file if it is unsorted.
@@ -320,6 +374,7 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   EventGroupResult all;
   EventFileResult& result = all.file;
   RawEvents raw = wanted_events(path, options, group, result);
+  if (!raw.note.empty()) result.warnings.push_back(raw.note);
   make_signs(path, raw.polarity);
   TimeRange range = range_of(path, raw.time);
   // Counts are unwrapped before their unit is known; in decimal fractions the counts are µs.
@@ -357,6 +412,11 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   if (result.stored_us.duration_us() == 0 && !result.events.empty()) {
     result.stored_us = {result.events.first_us(), result.events.last_us() + 1};
   }
+  const bool guessed = options.time_unit == TimeUnit::kAuto && raw.unit == TimeUnit::kAuto;
+  if (guessed && options.exposures && options.most == 0) {
+    check_guess(path, result, *options.exposures);
+  }
+  tell_repeated(path, result);
   const std::string alone = lone_event_warning(path, result.events.t_us(), !result.was_unsorted);
   if (!alone.empty()) result.warnings.push_back(alone);
   if (options.keep) result.events = only_in(*options.keep, result.events);

@@ -26,6 +26,7 @@ struct RawEvents {
   TimeUnit unit = TimeUnit::kAuto;  ///< of the times, if their name contains it
   std::optional<ImageSize> size;    ///< of the sensor, if the file contains it
   int time_bits = 64;               ///< significant_bits() of the times as stored
+  std::string note;                 ///< warning of a file that was read in doubt, or empty
 };
 
 /// One stream of events in an HDF5 file: arrays in a group, records, or a table of four columns.

@@ -63,6 +63,8 @@ torch::Tensor tensor_of(std::vector<T> values, torch::ScalarType type) {
       kept->data(), {int64_t(kept->size())}, [kept](void*) { delete kept; }, type);
 }
 
+bool is_letter(char c) { return std::isalpha(static_cast<unsigned char>(c)) != 0; }
+
 /// Includes quotes, which spreadsheets put around each number.
 bool separates(char c) {
   return c == ' ' || c == '\t' || c == ',' || c == ';' || c == '\r' || c == '"' || c == '\'';
@@ -175,6 +177,9 @@ class TextEvents {
     const auto parts = time_in_two(words);
     if (parts) words[parts->first] = "t_s", words[parts->second] = "nanoseconds";
     columns_ = named_columns(words);
+    if (!columns_ && !comment && std::any_of(line.begin(), line.end(), is_letter)) {
+      unknown_names_ = line.substr(0, line.find_last_not_of(" \t\r") + 1);
+    }
     if (!columns_) return;
     if (parts) nanoseconds_ = parts->second;
     named_by_comment_ = comment;
@@ -186,6 +191,14 @@ class TextEvents {
       --fewest_;
     }
     unit_ = unit_in_name(words[(*columns_)[2]]);
+    bool in_words = false;
+    std::string read_as;
+    for (size_t field = 0; field < kColumns; ++field) {
+      const std::string& name = words[(*columns_)[field]];
+      in_words |= event_field(name) != int(field);
+      read_as += concat(field == 0 ? "" : ", ", name, " as ", kFieldNames[field]);
+    }
+    if (in_words) note_ = concat(path_.string(), ": columns are read by their names: ", read_as);
   }
   /// The numbers of an event.
   void add(int64_t line, int count, const Numbers& numbers) {
@@ -193,7 +206,7 @@ class TextEvents {
       // The comment was prose that contains the names by chance.
       columns_.reset();
       count_ = fewest_ = kColumns, unit_ = TimeUnit::kAuto, named_by_comment_ = false;
-      nanoseconds_.reset();
+      nanoseconds_.reset(), note_.clear();
     }
     if (!fits(count)) {
       throw DataError(concat(path_.string(), ":", line, ": expected ", count_,
@@ -215,6 +228,7 @@ class TextEvents {
     out.polarity = tensor_of(std::move(polarity_), torch::kInt8);
     out.time = tensor_of(std::move(time_), torch::kFloat64);
     out.unit = unit_, out.size = size_;
+    out.note = note_;
     return out;
   }
 
@@ -246,6 +260,16 @@ class TextEvents {
   void settle() {
     if (columns_) return;
     columns_ = likely_columns(first_, Preference::kFirst, path_.string(), kNameColumns);
+    if (!unknown_names_.empty()) {
+      std::array<const char*, kColumns> order{};
+      for (size_t field = 0; field < order.size(); ++field) {
+        order[(*columns_)[field]] = kFieldNames[field];
+      }
+      note_ = concat(path_.string(), ": expected a first line that names the columns x, y, t and ",
+                     "p, found '", unknown_names_.substr(0, 80), "'; they are read as ", order[0],
+                     ", ", order[1], ", ", order[2], ", ", order[3],
+                     " by their values; correct the names if that is wrong");
+    }
     for (size_t i = 0; i < first_.size(); ++i) {
       Numbers numbers{};
       std::copy(first_[i].begin(), first_[i].end(), numbers.begin());
@@ -259,6 +283,8 @@ class TextEvents {
   int count_ = kColumns;   ///< largest number of values per line
   int fewest_ = kColumns;  ///< and smallest
   bool named_by_comment_ = false;
+  std::string unknown_names_;  ///< a first line of words that are no known names
+  std::string note_;
   std::optional<size_t> nanoseconds_;  ///< position of the nanoseconds that are added to the
                                        ///< seconds
   TimeUnit unit_ = TimeUnit::kAuto;
