@@ -67,6 +67,8 @@ TEST_CASE("format: what is not read says what it is and what to do", "[recording
              Catch::Contains("another kind of file"));
   CHECK_THAT(message(dir.write("words.aedat4", "not a recording\n")),
              test::naming("words.aedat4", "found text"));
+  CHECK_THAT(message(dir.write("wide.csv", std::string("\xFF\xFEt\0,\0x\0", 8))),
+             test::naming("wide.csv", "UTF-16"));
   CHECK_THAT(message(dir.write("x.zip", "PK\x03\x04 cut short")), Catch::Contains("zip archive"));
   dir.write("folder/notes.md", "");
   CHECK_THAT(message(dir / "folder"), test::naming("folder", "neither events"));

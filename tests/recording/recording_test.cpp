@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
 #include <functional>
 #include <torch/types.h>
 #include <zip.h>
@@ -275,6 +276,26 @@ TEST_CASE("recording: the EvDeblur layout without poses", "[recording]") {
   io::write_npz(dir / "scene/images_1/timestamps.npz", {{"timestamps", torch::zeros({3})}});
   CHECK_THAT(message_of([&] { read_recording(dir / "scene"); }),
              test::naming("2 images", "found 3"));
+}
+
+TEST_CASE("recording: images.txt of RPG beside a folder of images gives their times",
+          "[recording]") {
+  const TempDir dir;
+  std::filesystem::create_directories(dir / "scene");
+  io::write_npz(dir / "scene/events.npz", {{"x", torch::zeros({2})},
+                                           {"y", torch::zeros({2})},
+                                           {"t", torch::tensor({1000000, 2000000}, torch::kInt64)},
+                                           {"p", torch::ones({2}, torch::kInt8)}});
+  for (const char* name : {"00", "01"})
+    imaging::write_image(dir / "scene/images" / (std::string(name) + ".png"),
+                         torch::full({3, 6, 8}, 0.5));
+  dir.write("scene/images.txt", "1.25 images/00.png\n1.5 images/01.png\n");
+  const Recording recording = read_recording(dir / "scene");
+  REQUIRE(recording.frames.size() == 2);
+  CHECK(recording.frames[1].t_start_us == 1500000);
+  CHECK(std::any_of(recording.notes.begin(), recording.notes.end(), [](const std::string& note) {
+    return note.find("images.txt: holds one time per frame") != std::string::npos;
+  }));
 }
 
 TEST_CASE("recording: files of events alone, and a window of them", "[recording]") {

@@ -199,6 +199,12 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
       apply_exposures(list, read_exposures(list), out.files, recording.notes);
     } else if (const auto npz = beside_images(folder, images, "timestamps.npz"); !npz.empty()) {
       add_npz_times(npz, options.time_unit, out.files, recording);
+    } else if (const auto lines = beside_images(folder, images, "images.txt");
+               !lines.empty() && !fs::exists(lines.parent_path() / "cameras.txt")) {
+      out.files = listed_images(lines, recording.notes);
+      recording.notes.push_back(concat(lines.string(),
+                                       ": holds one time per frame in seconds; it is taken as the ",
+                                       word_of(recording.stamp), " of the exposure"));
     }
   }
   const fs::path events = events_in(folder);

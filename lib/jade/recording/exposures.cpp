@@ -11,6 +11,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/io/stand_in.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -118,7 +119,12 @@ std::vector<events::TimeWindow> exposures_of(const Triggers& triggers, TriggerLe
 }
 
 std::vector<NamedExposure> read_exposures(const std::filesystem::path& path) {
-  std::istringstream text(without_mark(read_file(path)));
+  const std::string whole = read_file(path);
+  if (!whole.empty()) {
+    if (const std::string other = io::stand_in(whole.substr(0, 1024), path); !other.empty())
+      throw DataError(concat(path.string(), ": expected lines in UTF-8, found ", other));
+  }
+  std::istringstream text(without_mark(whole));
   std::vector<NamedExposure> out;
   std::set<std::string> names;
   int64_t number = 0;
