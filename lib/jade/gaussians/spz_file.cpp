@@ -248,9 +248,13 @@ void check_sizes(const torch::Tensor& log_scales, const std::string& name) {
   constexpr double kRounding = 0.5 / kLogScaleSteps;
   const auto count = [](const torch::Tensor& mask) { return mask.sum().item<int64_t>(); };
   const torch::Tensor thinner = log_scales.amin(1) < kLeast - kRounding;
+  // A speck that is small beside the other Gaussians does not show either.
+  const bool specks_show =
+      std::exp(kLeast) > kCoarseOfSize * log_scales.amax(1).median().exp().item<double>();
   const int64_t small = count(thinner.logical_and(log_scales.amax(1) < kLeast + kThin));
   const int64_t large = count(log_scales.amax(1) > kMost + kRounding);
-  if (large == 0 && double(small) <= kFewSpecks * double(log_scales.size(0))) return;
+  if (large == 0 && (!specks_show || double(small) <= kFewSpecks * double(log_scales.size(0))))
+    return;
   log_warn(concat(name, ": expected axes of ", readable(std::exp(kLeast), 2), " to ",
                   readable(std::exp(kMost), 3), " units, which .spz can hold, found ",
                   grouped(small), " smaller and ", grouped(large), " larger of ",

@@ -8,7 +8,6 @@
 
 #include "jade/core/check.h"
 #include "jade/core/interrupt.h"
-#include "jade/core/machine_memory.h"
 #include "jade/core/progress.h"
 #include "jade/events/voxel.h"
 #include "jade/imaging/image_io.h"
@@ -42,7 +41,6 @@ torch::Tensor fetched(const torch::Tensor& tensor, torch::Device device) {
   if (!tensor.defined() || tensor.device().type() == device.type()) {
     return tensor.defined() ? tensor.to(torch::kFloat32) : tensor;
   }
-  if (tensor.is_pinned()) return tensor.to(device, /*non_blocking=*/true).to(torch::kFloat32);
   const torch::Tensor locked = torch::empty_like(tensor, tensor.options().pinned_memory(true));
   locked.copy_(tensor);
   return locked.to(device, /*non_blocking=*/true).to(torch::kFloat32);
@@ -66,16 +64,6 @@ int64_t bytes_of(const PerView& kind) {
 
 void move(PerView& kind, torch::Device device) {
   for (torch::Tensor& each : kind) each = each.to(device);
-}
-
-/// Page-locks tensors on the CPU, so that steps need not copy them first, as far as a quarter of
-/// the machine's memory allows.
-void lock_pages(std::initializer_list<PerView*> kinds) {
-  Budget budget(static_cast<int64_t>(0.25 * machine_memory()));
-  for (PerView* const kind : kinds) {
-    if (kind->empty() || !kind->front().is_cpu() || !budget.take(bytes_of(*kind))) continue;
-    for (torch::Tensor& each : *kind) each = each.pin_memory();
-  }
 }
 
 bool has_masks(const data::Dataset& dataset) {
@@ -261,15 +249,18 @@ void ViewBank::place(int64_t most_bytes) {
     for (PerView* const kind : kinds) move(*kind, device_);
   };
   const int64_t frames = 3 * bytes_of(frames_) + bytes_of(masks_) + bytes_of(fixed_targets_);
+  for (const torch::Tensor& each : frames_) {
+    const imaging::SsimTarget target = imaging::ssim_target(each.to(device_));
+    put(window_means_, target.mean);
+    put(window_squares_, target.square);
+  }
   if (budget.take(frames) || all || is_routed()) {
-    place_kinds({&frames_, &masks_, &fixed_targets_});
-    for (const torch::Tensor& each : frames_) window_means_.push_back(imaging::ssim_target(each));
+    place_kinds({&frames_, &window_means_, &window_squares_, &masks_, &fixed_targets_});
   }
   if (budget.take(bytes_of(edi_) + bytes_of(target_edi_)) || all) {
     place_kinds({&edi_, &target_edi_});
   }
   if (budget.take(bytes_of(efnet_)) || all) place_kinds({&efnet_});
-  if (!all) lock_pages({&frames_, &masks_, &fixed_targets_, &edi_, &target_edi_, &efnet_});
   if (is_routed()) {
     place_kinds({&psi_, &reblur_kernel_, &middle_edi_, &middle_efnet_, &middle_psi_,
                  &middle_reblur_kernel_});
@@ -296,7 +287,8 @@ View ViewBank::step_view(int64_t view, std::optional<int64_t> pose) const {
   View out;
   out.blurry = fetched(frames_[i], device_);
   out.mask = fetched(of(masks_, i), device_);
-  out.blurry_moments = window_means_.empty() ? imaging::ssim_target(out.blurry) : window_means_[i];
+  out.blurry_moments = {out.blurry, fetched(window_means_[i], device_),
+                        fetched(window_squares_[i], device_)};
   out.cameras = cameras_[i];
   out.u = u_;
   out.weights = weights_;
@@ -352,12 +344,10 @@ ConstantBytes ViewBank::bytes_on_device() const {
     }
     return bytes;
   };
-  ConstantBytes bytes{sum({&frames_, &masks_}), sum({&edi_, &target_edi_}),
+  ConstantBytes bytes{sum({&frames_, &window_means_, &window_squares_, &masks_}),
+                      sum({&edi_, &target_edi_}),
                       sum({&fixed_targets_, &efnet_, &psi_, &reblur_kernel_, &middle_edi_,
                            &middle_efnet_, &middle_psi_, &middle_reblur_kernel_})};
-  for (const imaging::SsimTarget& each : window_means_) {
-    bytes.frames += static_cast<int64_t>(each.mean.nbytes() + each.square.nbytes());
-  }
   return bytes;
 }
 

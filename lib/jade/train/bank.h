@@ -88,9 +88,9 @@ class ViewBank {
   RunOptions options_;
   torch::Device device_ = torch::kCPU;
   // Kinds that no step or picture reads are empty.
-  PerView frames_, masks_;                         // [3,H,W]; [1,H,W], empty: all pixels count
-  std::vector<imaging::SsimTarget> window_means_;  // of the frames; empty on a GPU without frames
-  PerView fixed_targets_;  // [3,H,W] at mid-exposure, neither routed nor the frame
+  PerView frames_, masks_;                 // [3,H,W]; [1,H,W], empty: all pixels count
+  PerView window_means_, window_squares_;  // [3,H,W], SSIM's of the frames
+  PerView fixed_targets_;                  // [3,H,W] at mid-exposure, neither routed nor the frame
   // Maps at several moments; an exposure of zero length has one for all.
   PerView edi_;         // [K,1,H,W] R_k of objective.edi_contrast, float16 where that is not 1
   PerView target_edi_;  // [K,1,H,W] R_k for the thresholds, if a target reads it and edi_ differs

@@ -35,7 +35,7 @@ int64_t pixels_of(const data::Dataset& dataset) {
 /// and 9 to 33 moments, within 5 %.
 int64_t gaussian_bytes(const RunOptions& options) { return 1400 + 80 * options.exposure.samples; }
 
-/// Of a pixel, for all moments of a step; a router takes the last term.
+/// Bytes that a step computes per pixel, for all its moments; a router takes the last term.
 int64_t pixel_bytes(const RunOptions& options) {
   return 250 + 60 * options.exposure.samples + (plan_step(options, 1).route ? 2000 : 0);
 }

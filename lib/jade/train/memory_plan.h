@@ -30,7 +30,7 @@ struct MemoryPlan {
   int64_t gaussians = 0;    ///< the largest allowed number, and what a step computes of them
   int64_t renders = 0;      ///< what a step computes of pixels
 
-  /// Of a step with its Gaussians.
+  /// Bytes of a step, Gaussians included.
   int64_t step() const { return gaussians + renders; }
   int64_t total() const {
     return constants.frames + constants.edi + constants.restorations + step();
