@@ -88,7 +88,8 @@ Evaluation compare_folders(const fs::path& renders, const fs::path& truth, const
   images_by_name(truth);  // Refuses two of one name.
   for (const fs::path& path : imaging::list_images(truth)) {
     unused.erase(path.stem().string());
-    unused.erase(path.stem().string() + "_depth");  // Of jade_render --depth, beside the render.
+    // jade_render --depth writes NAME_depth.png beside NAME.png.
+    unused.erase(path.stem().string() + "_depth");
     const auto found = by_name.find(path.stem().string());
     if (found == by_name.end()) {
       throw DataError(concat(renders.string(), ": expected an image named ", path.stem().string(),

@@ -32,7 +32,7 @@ int64_t pixels_of(const data::Dataset& dataset) {
 
 /// Parameters, gradients, both moments of Adam, and what a step computes, per Gaussian. Fitted, as
 /// those of a pixel, to peaks of runs with 75,000 to 1,000,000 Gaussians, 346x260 to 960x540 pixels
-/// and 9 to 33 moments, within 5 %.
+/// and 9 to 33 moments, most within 5 %.
 int64_t gaussian_bytes(const RunOptions& options) { return 1400 + 80 * options.exposure.samples; }
 
 /// Bytes that a step computes per pixel, for all its moments; a router takes the last term.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run may take of a GPU's memory, and what takes how much of it.
+// The memory budget of a run on a GPU, and the expected use of each part.
 #pragma once
 
 #include <cstdint>
