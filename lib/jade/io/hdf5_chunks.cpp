@@ -114,8 +114,8 @@ bool read_deflated(hid_t dataset, int64_t begin, int64_t count, hid_t type, void
   for (int64_t from = first; from < end && good; from += batch) {
     std::vector<Stored> chunks(static_cast<size_t>(std::min(batch, end - from)));
     for (size_t i = 0; i < chunks.size(); ++i) {
-      chunks[i] =
-          stored_chunk(dataset, *layout, static_cast<hsize_t>((from + int64_t(i)) * length));
+      const auto chunk = static_cast<hsize_t>(from) + i;
+      chunks[i] = stored_chunk(dataset, *layout, chunk * layout->chunk_length);
     }
     at::parallel_for(0, int64_t(chunks.size()), 1, [&](int64_t task, int64_t last) {
       const std::unique_ptr<uint8_t[]> chunk(new uint8_t[layout->chunk_size()]);
