@@ -40,3 +40,28 @@ TEST_CASE("flips: events with opposite axes or polarity are named, others are no
     CHECK(said(torch::rand({e.size()}) * 63, torch::rand({e.size()}) * 47).empty());
   }
 }
+
+TEST_CASE("flips: exchanged and turned axes of a square sensor are named", "[import]") {
+  simulate::EventSensorOptions sensor;
+  sensor.threshold_positive = 0.2, sensor.threshold_negative = 0.25;
+  test::PatternMotion motion;
+  motion.width = motion.height = 48;
+  motion.x_px = [](double t) { return 14 * std::sin(19 * t) + 5 * std::sin(41 * t + 1); };
+  motion.y_px = [](double t) { return 9 * std::sin(23 * t + 2) + 4 * std::sin(37 * t); };
+  const test::PatternRecording recording = test::record_pattern(motion, sensor);
+  const events::EventStream& e = recording.events;
+  const auto said = [&](const torch::Tensor& x, const torch::Tensor& y) {
+    const events::EventStream events(x, y, e.t_us(), e.polarity());
+    const auto clock = import::estimate_clock_offset(recording.exposures, events);
+    return import::find_flip(recording.exposures, events, clock.correlation);
+  };
+  CHECK(said(e.x(), e.y()).empty());
+  CHECK_THAT(said(e.y(), e.x()), Catch::EndsWith("exchange x and y"));
+  CHECK_THAT(said(e.x(), 47 - e.y()), Catch::EndsWith("y by 47 - y"));
+  // An event at the top lies at the right.
+  CHECK_THAT(said(47 - e.y(), e.x()), Catch::Contains("turned by 90 degrees clockwise") &&
+                                          Catch::EndsWith("replace x by y and y by 47 - x"));
+  CHECK_THAT(said(e.y(), 47 - e.x()), Catch::Contains("turned by 90 degrees anticlockwise") &&
+                                          Catch::EndsWith("replace x by 47 - y and y by x"));
+  CHECK_THAT(said(47 - e.y(), 47 - e.x()), Catch::EndsWith("replace x by 47 - y and y by 47 - x"));
+}

@@ -142,6 +142,17 @@ TEST_CASE("thresholds: reversed polarity is warned of, with numbers and without"
   CHECK_THAT(a.settle(scene), Catch::Contains("polarit"));
 }
 
+TEST_CASE("thresholds: turned events are named, also from the cache", "[run]") {
+  // This pattern looks the same turned either way.
+  const data::EventFlip clockwise{true, false, false, true};
+  data::Dataset scene = sliding_scene();
+  scene.events = clockwise.undone(scene.events, {24, 24});
+  Settling a;
+  CHECK_THAT(a.settle(scene), Catch::Contains("90 degrees"));
+  a.options.events = {};
+  CHECK_THAT(a.settle(scene), Catch::Contains("90 degrees"));
+}
+
 TEST_CASE("thresholds: numbers win over what is measured, and a negative one alone does", "[run]") {
   const data::Dataset& scene = sliding_scene();
   Settling a;

@@ -73,7 +73,7 @@ ThresholdEstimate estimate_thresholds(const std::vector<Exposure>& exposures,
   if (estimate.found || events.empty() || exposures.empty()) return estimate;
   const events::ImageSize size{exposures[0].blurry.size(-2), exposures[0].blurry.size(-1)};
   double least = 1;
-  for (const EventFlip& flip : kEventFlips) {
+  for (const EventFlip& flip : event_flips(size)) {
     const ThresholdEstimate other = fitted(exposures, flip.undone(events, size), log_offset);
     if (!other.found || other.unexplained >= least) continue;
     estimate.flip = flip, least = other.unexplained;

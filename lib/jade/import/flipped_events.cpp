@@ -2,6 +2,7 @@
 #include "jade/import/flipped_events.h"
 
 #include <algorithm>
+#include <optional>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -23,14 +24,14 @@ std::string find_flip(const std::vector<data::Exposure>& exposures,
                       const events::EventStream& events, double correlation) {
   if (correlation >= kAgrees || exposures.empty() || events.empty()) return "";
   const events::ImageSize size{exposures[0].blurry.size(-2), exposures[0].blurry.size(-1)};
-  const data::EventFlip* best = nullptr;
+  std::optional<data::EventFlip> best;
   double highest = std::max(kLeastFlipped, kClearlyBetter * correlation);
-  for (const data::EventFlip& flip : data::kEventFlips) {
+  for (const data::EventFlip& flip : data::event_flips(size)) {
     const ClockOffset found = estimate_clock_offset(exposures, flip.undone(events, size));
     if (found.ambiguous() || found.correlation <= highest) continue;
-    best = &flip, highest = found.correlation;
+    best = flip, highest = found.correlation;
   }
-  if (best == nullptr) return "";
+  if (!best) return "";
   return concat("events ", best->name(), " against the frames: correlation ",
                 rounded(std::max(correlation, 0.0)), " as they are, ", rounded(highest),
                 " otherwise; ", best->cure(size));

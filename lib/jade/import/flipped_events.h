@@ -9,7 +9,7 @@
 
 namespace jade::import {
 
-/// Looks for events whose axes or polarity are opposite to those of the frames (data::EventFlip).
+/// Looks for events whose axes or polarity differ from those of the frames (data::EventFlip).
 /// Returns the flip and its cure if the events without it correlate at least twice as well with the
 /// changes of the frames (estimate_clock_offset); otherwise an empty string.
 /// @param exposures    frames and times in order, with or without a length

@@ -37,10 +37,11 @@ std::vector<data::Exposure> seen_by_events(const data::Dataset& dataset) {
 /// Converts an estimate to an entry of the cache, and back.
 torch::Tensor entry_of(const data::ThresholdEstimate& e) {
   const data::EventFlip flip = e.flip.value_or(data::EventFlip{});
-  return torch::tensor({e.thresholds.positive, e.thresholds.negative, e.spread.positive,
-                        e.spread.negative, double(e.pixels), e.residual, e.unexplained,
-                        double(e.found), double(flip.x), double(flip.y), double(flip.polarity)},
-                       torch::kFloat32)
+  return torch::tensor(
+             {e.thresholds.positive, e.thresholds.negative, e.spread.positive, e.spread.negative,
+              double(e.pixels), e.residual, e.unexplained, double(e.found), double(flip.x),
+              double(flip.y), double(flip.polarity), double(flip.exchange)},
+             torch::kFloat32)
       .reshape({1, 1, -1});
 }
 
@@ -53,8 +54,8 @@ data::ThresholdEstimate estimate_from(const torch::Tensor& entry) {
   e.residual = v[5];
   e.unexplained = v[6];
   e.found = v[7] > 0;
-  const data::EventFlip flip{v[8] > 0, v[9] > 0, v[10] > 0};
-  if (flip.x || flip.y || flip.polarity) e.flip = flip;
+  const data::EventFlip flip{v[8] > 0, v[9] > 0, v[10] > 0, v[11] > 0};
+  if (flip.x || flip.y || flip.polarity || flip.exchange) e.flip = flip;
   return e;
 }
 
@@ -74,10 +75,10 @@ data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
   if (dataset.events.empty() || dataset.train.empty()) return {};
   restore::RestorationCache cache(cache_options);
   // Another version of the program may measure differently.
-  const std::string recipe = concat("thresholds 2; ", version(), " ", git_commit(), "; offset ",
+  const std::string recipe = concat("thresholds 3; ", version(), " ", git_commit(), "; offset ",
                                     log_offset, "; ", fingerprint);
   const Progress progress("measuring thresholds", 1, 0, "data sets");
-  const torch::Tensor entry = cache.get(restore::restoration_key(recipe, {}), {1, 1, 11}, [&] {
+  const torch::Tensor entry = cache.get(restore::restoration_key(recipe, {}), {1, 1, 12}, [&] {
     return entry_of(data::estimate_thresholds(seen_by_events(dataset), dataset.events, log_offset));
   });
   return estimate_from(entry);
