@@ -3,8 +3,12 @@
 
 #include "support/catch.h"
 
+#include <torch/types.h>
+
 #include "jade/core/error.h"
+#include "jade/imaging/image_io.h"
 #include "support/naming.h"
+#include "support/temp_dir.h"
 
 namespace jade::data {
 namespace {
@@ -26,6 +30,26 @@ TEST_CASE("frames: names that would be taken for each other are refused, with bo
   CHECK_NOTHROW(frame_names({"/d/a/03.png", "/d/a/03_9.png"}));
   CHECK_THROWS_NAMING(DataError, frame_names({"/d/a/05\xff.png"}), "UTF-8");
   CHECK(frame_names({"/d/a/\xc3\xbc.png"}) == Names{"\xc3\xbc"});
+}
+
+TEST_CASE("frames: an orientation that is not applied is one warning", "[data]") {
+  // A JPEG of 8x8 gray pixels; its EXIF data say that it is upside down.
+  const test::TempDir folder;
+  std::vector<uint8_t> plain = imaging::encode_jpeg(torch::full({3, 8, 8}, 0.5), 90);
+  const std::string exif(
+      "\xFF\xE1\0\x1E\x45xif\0\0MM\0*\0\0\0\x08\0\x01"
+      "\x01\x12\0\x03\0\0\0\x01\0\x03\0\0",
+      32);
+  const std::string rest(plain.begin() + 2, plain.end());
+  const std::filesystem::path upright = folder.write("a.jpg", "\xFF\xD8" + rest);
+  const std::filesystem::path turned = folder.write("b.jpg", "\xFF\xD8" + exif + rest);
+  const std::filesystem::path other = folder.write("c.jpg", "\xFF\xD8" + exif + rest);
+  std::vector<std::string> lines;
+  read_frames({upright}, {}, Warnings(&lines));
+  CHECK(lines.empty());
+  read_frames({upright, turned, other}, {}, Warnings(&lines));
+  REQUIRE(lines.size() == 1);
+  CHECK_THAT(lines[0], test::naming("b.jpg", "1 more", "orientation", "3"));
 }
 
 }  // namespace

@@ -4,6 +4,8 @@
 #include "support/catch.h"
 
 #include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <vector>
 
 #include "support/temp_dir.h"
 
@@ -29,6 +31,33 @@ TEST_CASE("image header: every format says its size and whether it has alpha", "
   CHECK(with_alpha->has_alpha);
   CHECK(with_alpha->width == 11);
   CHECK(with_alpha->height == 7);
+}
+
+/// A JPEG whose EXIF data have one tag, in either byte order.
+std::string jpeg_with_exif(const std::string& tag, bool big_endian) {
+  const std::string tiff = big_endian ? std::string("MM\0*\0\0\0\x08\0\x01", 10)
+                                      : std::string("II*\0\x08\0\0\0\x01\0", 10);
+  const std::string exif = std::string("Exif\0\0", 6) + tiff + tag;
+  std::vector<uint8_t> jpeg;
+  cv::imencode(".jpg", sheet(3), jpeg);
+  return "\xFF\xD8\xFF\xE1" + std::string(1, '\0') + char(exif.size() + 2) + exif +
+         std::string(jpeg.begin() + 2, jpeg.end());
+}
+
+TEST_CASE("image header: a JPEG says its EXIF orientation", "[imaging]") {
+  const test::TempDir folder;
+  const auto orientation = [&](const std::string& tag, bool big_endian) {
+    const auto header = read_image_header(folder.write("a.jpg", jpeg_with_exif(tag, big_endian)));
+    REQUIRE(header.has_value());
+    CHECK(header->width == 11);
+    return header->orientation;
+  };
+  CHECK(orientation(std::string("\x01\x12\0\x03\0\0\0\x01\0\x06\0\0", 12), true) == 6);
+  CHECK(orientation(std::string("\x12\x01\x03\0\x01\0\0\0\x03\0\0\0", 12), false) == 3);
+  // Another tag, an orientation that does not exist, and a tag cut short.
+  CHECK(orientation(std::string("\x01\x0F\0\x03\0\0\0\x01\0\x06\0\0", 12), true) == 1);
+  CHECK(orientation(std::string("\x01\x12\0\x03\0\0\0\x01\0\x09\0\0", 12), true) == 1);
+  CHECK(orientation(std::string("\x01\x12\0\x03", 4), true) == 1);
 }
 
 TEST_CASE("image header: a PGM with comments", "[imaging]") {

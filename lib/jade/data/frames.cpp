@@ -7,6 +7,7 @@
 #include <exception>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -111,12 +112,28 @@ void check_names(const std::vector<std::string>& names, const std::vector<fs::pa
   }
 }
 
+/// Warns of images with a rotation tag. COLMAP ignores such tags too, but other tools and viewers
+/// turn the image, so that poses may be of the turned one.
+void check_orientation(const std::vector<fs::path>& paths,
+                       const std::vector<std::optional<imaging::ImageHeader>>& headers,
+                       const Warnings& warnings) {
+  const auto is_turned = [](const auto& header) { return header && header->orientation != 1; };
+  const auto first = std::find_if(headers.begin(), headers.end(), is_turned);
+  if (first == headers.end()) return;
+  const int64_t others = std::count_if(first + 1, headers.end(), is_turned);
+  const std::string more = others == 0 ? "" : concat(" and ", others, " more");
+  warnings.add(paths[size_t(first - headers.begin())].string(), more,
+               ": expected an EXIF orientation of 1, found ", (*first)->orientation,
+               ", which is not applied (as in COLMAP); if the poses are of the turned images, turn "
+               "the pixels too");
+}
+
 /// Checks the memory of the decoded frames: three floats and a mask per pixel.
-void check_frame_memory(const std::vector<fs::path>& paths) {
+void check_frame_memory(const std::vector<fs::path>& paths,
+                        const std::vector<std::optional<imaging::ImageHeader>>& headers) {
   constexpr double kBytesPerPixel = 3 * sizeof(float) + 1;
   double pixels = 0, largest = 0;
-  for (const fs::path& path : paths) {
-    const auto header = imaging::read_image_header(path);
+  for (const auto& header : headers) {
     if (!header) continue;
     const double size = double(header->width) * double(header->height);
     pixels += size;
@@ -175,7 +192,10 @@ std::vector<std::string> frame_names(const std::vector<fs::path>& paths) {
 std::vector<Frame> read_frames(const std::vector<fs::path>& paths, const MaskSources& masks,
                                const Warnings& warnings, FrameSizes sizes) {
   const std::vector<std::string> names = frame_names(paths);
-  check_frame_memory(paths);
+  std::vector<std::optional<imaging::ImageHeader>> headers;
+  for (const fs::path& path : paths) headers.push_back(imaging::read_image_header(path));
+  check_frame_memory(paths, headers);
+  check_orientation(paths, headers, warnings);
   std::vector<Frame> frames(paths.size());
   at::parallel_for(0, int64_t(paths.size()), 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {

@@ -54,8 +54,27 @@ ImageHeader png_header(HeaderFile& file) {
   return header;
 }
 
-/// The first start-of-frame segment.
+/// The orientation in an APP1 segment, or 1. EXIF data are a TIFF without an image.
+int exif_orientation(HeaderFile& file, uint64_t begin, uint64_t end) {
+  constexpr uint32_t kOrientation = 274;
+  const uint64_t tiff = begin + 6;
+  if (end < tiff + 8 || file.bytes(begin, 6) != std::string("Exif\0\0", 6)) return 1;
+  const bool big_endian = file.bytes(tiff, 2) == "MM";
+  const uint64_t directory = tiff + file.number(tiff + 4, 4, big_endian);
+  const uint64_t count = directory + 2 > end ? 0 : file.number(directory, 2, big_endian);
+  for (uint64_t entry = directory + 2; entry < directory + 2 + 12 * count && entry + 12 <= end;
+       entry += 12) {
+    if (file.number(entry, 2, big_endian) != kOrientation) continue;
+    const uint32_t value = file.number(entry + 8, 2, big_endian);
+    return value >= 1 && value <= 8 ? int(value) : 1;
+  }
+  return 1;
+}
+
+/// The first start-of-frame segment, and EXIF data before it.
 ImageHeader jpeg_header(HeaderFile& file) {
+  constexpr uint32_t kApp1 = 0xE1;
+  int orientation = 1;
   for (uint64_t at = 2; file.whole();) {
     if (file.big(at, 1) != 0xFF) break;
     const uint32_t marker = file.big(at + 1, 1);
@@ -65,8 +84,10 @@ ImageHeader jpeg_header(HeaderFile& file) {
     }
     const bool frame =
         marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
-    if (frame) return {file.big(at + 7, 2), file.big(at + 5, 2), false};
-    at += 2 + uint64_t(file.big(at + 2, 2));
+    if (frame) return {file.big(at + 7, 2), file.big(at + 5, 2), false, orientation};
+    const uint64_t end = at + 2 + uint64_t(file.big(at + 2, 2));
+    if (marker == kApp1 && orientation == 1) orientation = exif_orientation(file, at + 4, end);
+    at = end;
   }
   return {};
 }

@@ -11,6 +11,7 @@ namespace jade::imaging {
 struct ImageHeader {
   int64_t width = 0, height = 0;
   bool has_alpha = false;  ///< an alpha channel, or a transparent colour
+  int orientation = 1;     ///< EXIF orientation of a JPEG, 1 to 8; 1: shown as stored
 };
 
 /// Reads the header of a PNG, JPEG, TIFF, BMP, WebP or PNM file without decoding it; sizes as
