@@ -138,6 +138,46 @@ TEST_CASE("init: a plane sweep finds the depth where the views agree", "[gaussia
   CHECK(torch::allclose(random.colors.select(1, 1), torch::full({500}, 0.25f)));
 }
 
+TEST_CASE("init: masked pixels and gains do not change where the views agree", "[gaussians]") {
+  const InitSources plain = views_of_a_plane();
+  const auto swept = [](const InitSources& sources) {
+    at::Generator generator = make_generator(2, "start");
+    return plane_sweep(sources, 1000, generator);
+  };
+  const auto at_plane = [](const PointCloud& cloud) {
+    const torch::Tensor off = (1 / cloud.points.select(1, 2) - 0.25).abs();
+    return (off < 0.02).to(torch::kFloat32).mean().item<double>();
+  };
+  InitSources dirty = plain, bright = plain;
+  for (size_t i = 0; i < plain.views.size(); ++i) {
+    // Dirt on the sensor agrees best at the far end.
+    InitView& view = dirty.views[i];
+    view.image = view.image.clone();
+    view.image.slice(2, 36, 46).fill_(4);
+    bright.views[i].gain = 0.5 + 0.25 * double(i);
+    bright.views[i].image = plain.views[i].image * bright.views[i].gain;
+  }
+  const PointCloud misled = swept(dirty);
+  CHECK(misled.colors.max().item<float>() > 1);
+  for (InitView& view : dirty.views) {
+    view.mask = torch::ones({1, 60, 80}, torch::kBool);
+    view.mask.slice(2, 36, 46).fill_(false);
+  }
+  const PointCloud masked = swept(dirty);
+  CHECK(masked.colors.max().item<float>() < 1);
+  CAPTURE(at_plane(swept(plain)), at_plane(misled));
+  CHECK(at_plane(masked) > 0.9 * at_plane(swept(plain)));
+  CHECK(at_plane(misled) < 0.8 * at_plane(swept(plain)));
+  at::Generator generator = make_generator(2, "start");
+  CHECK(random_frusta(dirty, 500, generator).colors.max().item<float>() < 1);
+
+  const PointCloud first = swept(plain), second = swept(bright);
+  const torch::Tensor same = (first.points - second.points).abs().amax(1) < 1e-4;
+  CHECK(same.to(torch::kFloat32).mean().item<double>() > 0.99);
+  CHECK(torch::allclose(first.colors.masked_select(same.unsqueeze(1)),
+                        second.colors.masked_select(same.unsqueeze(1)), 0, 1e-4));
+}
+
 TEST_CASE("init: a point takes no colour from a view that it lies behind", "[gaussians]") {
   InitSources sources = two_views();
   sources.views[0].camera_from_world = {};

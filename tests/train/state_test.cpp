@@ -4,6 +4,9 @@
 #include "support/catch.h"
 
 #include <set>
+#include <torch/types.h>
+
+#include "jade/splat/math/sh.h"
 
 #include "train/bench.h"
 
@@ -137,4 +140,26 @@ TEST_CASE("state: the densification threshold is that of nine renders, a K-th of
   // L_tgt alone renders one pose.
   options.objective.blur = options.objective.simulation = options.objective.intensity = false;
   CHECK(train::gradient_factor(options, 4) == 1);
+}
+
+TEST_CASE("state: the first points leave out masked pixels and gains", "[train]") {
+  data::Dataset dataset;
+  dataset.near = 1, dataset.far = 4;
+  for (int i = 0; i < 3; ++i) {
+    data::Exposure exposure;
+    exposure.camera = geometry::Intrinsics::centred(20, 16, 12);
+    exposure.blurry = torch::full({3, 12, 16}, 0.6);
+    exposure.blurry.slice(2, 0, 8).fill_(1);
+    exposure.mask = torch::ones({1, 12, 16}, torch::kBool);
+    exposure.mask.slice(2, 0, 8).fill_(false);
+    exposure.gain = 2;
+    dataset.train.push_back(std::move(exposure));
+  }
+  train::RunOptions options;
+  options.init.kind = gaussians::InitKind::kRandomFrusta;
+  options.init.points = 50;
+  const train::TrainState state = train::make_state(options, dataset, torch::kCPU);
+  const torch::Tensor base = state.gaussians.parameters().sh.select(1, 0);
+  const double brightest = 0.5 + splat::math::kSh0 * base.max().item<double>();
+  CHECK(brightest == Approx(0.3));
 }

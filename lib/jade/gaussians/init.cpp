@@ -36,12 +36,16 @@ PointCloud finite_points(const PointCloud& cloud) {
   return {cloud.points.index_select(0, rows), cloud.colors.index_select(0, rows)};
 }
 
-/// Adds the view's colour at the projections of the points it sees.
+/// Adds the view's colour, without its gain, at the projections of the points it sees.
 void add_colors(const InitView& view, const torch::Tensor& points, torch::Tensor& sums,
                 torch::Tensor& counts) {
   const torch::Tensor image = view.image.detach().to(torch::kCPU, torch::kFloat32).contiguous();
   const int64_t height = image.size(1), width = image.size(2);
   const float* pixels = image.const_data_ptr<float>();
+  const torch::Tensor mask =
+      view.mask.defined() ? view.mask.to(torch::kCPU).contiguous() : torch::Tensor();
+  const bool* counted = mask.defined() ? mask.const_data_ptr<bool>() : nullptr;
+  const auto gain = static_cast<float>(view.gain);
   const float* point = points.const_data_ptr<float>();
   auto* sum = sums.mutable_data_ptr<float>();
   auto* count = counts.mutable_data_ptr<float>();
@@ -56,7 +60,8 @@ void add_colors(const InitView& view, const torch::Tensor& points, torch::Tensor
         continue;
       }
       const int64_t at = static_cast<int64_t>(uv[1]) * width + static_cast<int64_t>(uv[0]);
-      for (int64_t c = 0; c < 3; ++c) sum[3 * i + c] += pixels[c * height * width + at];
+      if (counted != nullptr && !counted[at]) continue;
+      for (int64_t c = 0; c < 3; ++c) sum[3 * i + c] += pixels[c * height * width + at] / gain;
       count[i] += 1;
     }
   });

@@ -56,6 +56,8 @@ struct InitView {
   geometry::Pose camera_from_world;
   geometry::Intrinsics camera;
   torch::Tensor image;  ///< [3,H,W]
+  torch::Tensor mask;   ///< [1,H,W] bool, true: the pixel counts; undefined: all pixels count
+  double gain = 1;      ///< frame brightness = scene brightness · gain
 };
 
 /// Data available to the initialisation.
@@ -89,7 +91,8 @@ geometry::Vector3 point_in_frustum(const InitSources& sources, const geometry::V
                                    double share);
 
 /// Samples points uniformly over the views and their pixels and uniformly in inverse depth between
-/// near and far; their colour is the mean over the views that see them.
+/// near and far; their colour is the mean over the views that see them,
+/// without masked pixels and gains.
 PointCloud random_frusta(const InitSources& sources, int64_t count, at::Generator& generator);
 
 /// Removes points within `distance` of a camera centre, which would fill the image.

@@ -21,21 +21,36 @@ constexpr size_t kMostViews = 64;
 constexpr int kFewestViews = 3;
 /// Images are reduced to about this width, then averaged over kPatch x kPatch pixels.
 constexpr int64_t kWidth = 240, kPatch = 5;
+/// Averages of a smaller share of pixels that count are no part of the comparison.
+constexpr float kLeastShare = 0.5F;
 /// Depths up to this factor of the least variance, and this much above it, agree as well.
 constexpr double kFactor = 1.5, kNoise = 1e-4;
 
 struct Compared {
   const InitView* view;
-  torch::Tensor image;  ///< [3,h,w], reduced and averaged
+  torch::Tensor image;  ///< [3,h,w], reduced and averaged, without the gain
+  torch::Tensor share;  ///< [h,w], of the averaged pixels that count; undefined: all
   double scale;         ///< pixels of the view per pixel of `image`
 };
 
 Compared reduced(const InitView& view) {
   const int64_t factor = std::max<int64_t>(1, view.image.size(2) / kWidth);
-  torch::Tensor image = view.image.detach().to(torch::kCPU, torch::kFloat32).unsqueeze(0);
-  image = at::avg_pool2d(image, factor, factor, 0, /*ceil_mode=*/true, false);
-  image = at::avg_pool2d(image, kPatch, 1, kPatch / 2, false, /*count_include_pad=*/false);
-  return {&view, image[0].contiguous(), double(factor)};
+  const auto averaged = [&](const torch::Tensor& whole) {
+    const torch::Tensor small =
+        at::avg_pool2d(whole.unsqueeze(0), factor, factor, 0, /*ceil_mode=*/true, false);
+    return at::avg_pool2d(small, kPatch, 1, kPatch / 2, false, /*count_include_pad=*/false)[0];
+  };
+  torch::Tensor image = view.image.detach().to(torch::kCPU, torch::kFloat32), share;
+  if (view.gain != 1) image = image / view.gain;
+  if (view.mask.defined()) {
+    const torch::Tensor mask = view.mask.to(torch::kCPU, torch::kFloat32);
+    share = averaged(mask);
+    image = averaged(image * mask) / share.clamp_min(kLeastShare);
+    share = share[0].contiguous();
+  } else {
+    image = averaged(image);
+  }
+  return {&view, image.contiguous(), share, double(factor)};
 }
 
 std::vector<Compared> compared(const std::vector<InitView>& views) {
@@ -64,8 +79,9 @@ Agreement agreement_at(const Vector3& point, const std::vector<Compared>& views)
     }
     const int64_t height = c.image.size(1), width = c.image.size(2);
     const int64_t row = std::min(int64_t(uv[1] / c.scale), height - 1);
-    const float* pixel = c.image.const_data_ptr<float>() + row * width +
-                         std::min(int64_t(uv[0] / c.scale), width - 1);
+    const int64_t at = row * width + std::min(int64_t(uv[0] / c.scale), width - 1);
+    if (c.share.defined() && c.share.const_data_ptr<float>()[at] < kLeastShare) continue;
+    const float* pixel = c.image.const_data_ptr<float>() + at;
     for (size_t k = 0; k < 3; ++k, pixel += height * width) {
       sum[k] += *pixel;
       squares[k] += double(*pixel) * *pixel;

@@ -10,9 +10,10 @@ namespace jade::gaussians {
 
 /// Samples points as random_frusta(), but each at one of kSweptDepths depths, uniform in inverse
 /// depth: where the views agree best about its colour, which is their mean. Images are blurred by a
-/// few pixels first. Depths that agree about as well, as on surfaces without texture, are equally
-/// likely; a point that fewer than three views see has a random depth. CPU; the result is the same
-/// for any number of threads. Gain: docs/engineering/preset.md, "Start of the scene".
+/// few pixels first; masked pixels do not count, and gains are divided out. Depths that agree about
+/// as well, as on surfaces without texture, are equally likely; a point that fewer than three views
+/// see has a random depth. CPU; the result is the same for any number of threads. Gain:
+/// docs/engineering/preset.md, "Start of the scene".
 PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator& generator);
 
 constexpr int64_t kSweptDepths = 32;

@@ -44,7 +44,8 @@ std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
 gaussians::InitSources init_sources(const data::Dataset& dataset) {
   gaussians::InitSources sources;
   for (const data::Exposure& exposure : dataset.train) {
-    sources.views.push_back({exposure.poses[geometry::kMidPose], exposure.camera, exposure.blurry});
+    sources.views.push_back({exposure.poses[geometry::kMidPose], exposure.camera, exposure.blurry,
+                             exposure.mask, exposure.gain});
   }
   sources.origin = dataset.origin;
   sources.near = dataset.near;
