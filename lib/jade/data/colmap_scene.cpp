@@ -2,7 +2,6 @@
 #include "jade/data/colmap_scene.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <initializer_list>
 #include <map>
@@ -90,10 +89,7 @@ fs::path image_path(const fs::path& folder, const std::string& name) {
 
 /// In lower case and without extension.
 std::string bare_name(const fs::path& path) {
-  std::string name = fs::path(path).replace_extension().generic_string();
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char letter) { return char(std::tolower(letter)); });
-  return name;
+  return in_small_letters(fs::path(path).replace_extension().generic_string());
 }
 
 /// "; the model names a.JPG, the folder has a.jpg", for the first name that differs only by case or

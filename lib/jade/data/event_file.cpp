@@ -4,11 +4,11 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <atomic>
-#include <cctype>
 #include <cmath>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/data/named_files.h"
 #include "jade/events/event_files.h"
 #include "jade/io/hdf5.h"
 
@@ -113,10 +113,8 @@ std::string unread_events(const fs::path& folder) {
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     std::error_code ignored;
-    std::string name = entry->path().filename().string(), small = name;
-    std::transform(small.begin(), small.end(), small.begin(),
-                   [](unsigned char letter) { return char(std::tolower(letter)); });
-    if (small.rfind("event", 0) != 0) continue;
+    const std::string name = entry->path().filename().string();
+    if (in_small_letters(name).rfind("event", 0) != 0) continue;
     names.push_back(name + (entry->is_directory(ignored) ? "/ (a folder)" : ""));
   }
   if (names.empty()) return "";

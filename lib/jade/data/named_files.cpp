@@ -33,12 +33,6 @@ fs::path moved_file(const fs::path& folder, const fs::path& given) {
   return {};
 }
 
-std::string in_small_letters(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char letter) { return char(std::tolower(letter)); });
-  return text;
-}
-
 /// The subfolder of this name, matching case if possible; empty if there is none.
 fs::path near_folder(const fs::path& folder, const fs::path& name) {
   std::error_code error;
@@ -62,6 +56,12 @@ int digit_of(char c) {
 }
 
 }  // namespace
+
+std::string in_small_letters(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char letter) { return char(std::tolower(letter)); });
+  return text;
+}
 
 std::string slashed(std::string path) {
   std::replace(path.begin(), path.end(), '\\', '/');

@@ -14,6 +14,9 @@ std::string slashed(std::string path);
 /// The path with URL escapes such as %20 decoded.
 std::string unescaped(const std::string& path);
 
+/// The text in lower case, to compare names without case. Letters beyond ASCII stay.
+std::string in_small_letters(std::string text);
+
 /// An image below `folder` whose path differs from `given` only by case or extension, relative to
 /// `folder`; empty if there is none.
 std::filesystem::path near_image(const std::filesystem::path& folder, const std::string& given);

@@ -2,23 +2,18 @@
 #include "jade/data/unused_parts.h"
 
 #include <algorithm>
-#include <cctype>
+
+#include "jade/data/named_files.h"
 
 namespace jade::data {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::string small_letters(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char letter) { return char(std::tolower(letter)); });
-  return text;
-}
-
 /// Compares without case, because tools on Windows and macOS write Masks or IMU.csv.
 /// @param pattern  with at most one '*', which matches any characters
 bool fits(const std::string& given, const std::string& wanted) {
-  const std::string name = small_letters(given), pattern = small_letters(wanted);
+  const std::string name = in_small_letters(given), pattern = in_small_letters(wanted);
   const size_t star = pattern.find('*');
   if (star == std::string::npos) return name == pattern;
   const std::string front = pattern.substr(0, star), back = pattern.substr(star + 1);
@@ -104,7 +99,7 @@ UnusedParts unused_in_any_layout(const fs::path& root, const fs::path& frames, b
   parts.look_for_files(root, in_root);
   for (const FormatPart& part : beside_frames) {
     const bool in_use = std::any_of(read.begin(), read.end(), [&](const fs::path& frame) {
-      return part.name == concat("*", small_letters(frame.extension().string()));
+      return part.name == concat("*", in_small_letters(frame.extension().string()));
     });
     if (!in_use) parts.look_for_files(frames, {part});
   }
