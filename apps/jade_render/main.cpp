@@ -373,11 +373,12 @@ int main(int argc, char** argv) {
     if (flags.format == "mp4") {
       const fs::path path = make_movie_path(flags, program.output());
       write_movie(subject, views, path, flags);
-      log_info(concat(views.size(), " views in ", path.string()));
+      log_info(concat(views.size(), views.size() == 1 ? " view in " : " views in ", path.string()));
       return ExitCode::kOk;
     }
     write_images(subject, views, program.output(), flags);
-    log_info(concat(views.size(), " views in ", program.output().string()));
+    log_info(concat(views.size(), views.size() == 1 ? " view in " : " views in ",
+                    program.output().string()));
     return ExitCode::kOk;
   });
 }

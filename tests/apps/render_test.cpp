@@ -182,6 +182,9 @@ TEST_CASE("jade_render --depth: the depth of an opaque Gaussian as .npy and .png
   const double full = 65535 * 0.001;
   const torch::Tensor png = imaging::read_image(dir / "fine/a_depth.png");
   CHECK(torch::allclose(png[0] * full, depth[0], 0, 0.00051));
+  const Outcome told =
+      run(dir, "jade_render --device cpu --ply one.ply --cameras cameras.json --output told");
+  CHECK_THAT(told.out + told.err, Catch::Contains("1 view in "));
   // Steps so small that 65535 of them are not enough: the .png contains the maximum, with a
   // warning.
   const Outcome coarse = run(dir, render + "--depth-step 0.00001 --output coarse");

@@ -113,7 +113,9 @@ TEST_CASE("scene files: the data set loads with poses, points and held-out expos
   const test::TempDir dir;
   const import::Capture capture = capture_of({5, 5, 5, 0.5, 5});
   const import::Reconstruction found = line_of(capture);
-  import::write_scene(dir.path(), capture, found, options_with({"shot2", "shot3"}));
+  const std::string said =
+      import::write_scene(dir.path(), capture, found, options_with({"shot2", "shot3"}));
+  CHECK_THAT(said, Catch::StartsWith("3 exposures, 1 held out, 1 sharp test view, "));
   data::DatasetOptions options;
   options.path = dir.path();
   const data::Dataset data = data::load_dataset(options);
@@ -225,5 +227,6 @@ TEST_CASE("scene files: frames without a pose are named", "[import]") {
   found.poses.erase(found.poses.begin() + 3, found.poses.begin() + 9);
   const std::string said = import::write_scene(dir.path(), capture, found, {});
   CHECK_THAT(said, test::naming("2 left out", "(shot1, shot2)"));
+  CHECK_THAT(said, Catch::StartsWith("3 exposures, "));
   CHECK_THAT(read_file(dir / "frames.csv"), Catch::Contains("\n,left out,shot1,30000,50000,5\n"));
 }

@@ -258,9 +258,10 @@ std::string write_scene(const fs::path& folder, const Capture& capture, const Re
   write_file(folder / "frames.csv", frame_list(capture, parts));
   write_file(folder / "scene.yaml", scene_yaml(capture, options));
   const auto count = [&](Part part) { return std::count(parts.begin(), parts.end(), part); };
-  return concat(count(Part::kTrain), " exposures, ", count(Part::kHeldOut), " held out, ",
-                count(Part::kTest), " sharp test views, ", left_out(capture, parts), ", ",
-                found.points.size(0), " points");
+  const int64_t exposures = count(Part::kTrain), tests = count(Part::kTest);
+  return concat(exposures, exposures == 1 ? " exposure, " : " exposures, ", count(Part::kHeldOut),
+                " held out, ", tests, tests == 1 ? " sharp test view, " : " sharp test views, ",
+                left_out(capture, parts), ", ", found.points.size(0), " points");
 }
 
 }  // namespace jade::import
