@@ -42,8 +42,6 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
       ->capture_default_str()
       ->check(apps::within(0, 1000));
   program.add_restoration_flags();
-  program.add_key_flag("--efnet-sha256", "efnet.sha256", "SHA-256 that this file must have")
-      ->type_name("HASH");
   program
       .add_key_flag("--cache", "cache.folder",
                     "Folder that keeps restorations (default: in the user's cache folder)")
@@ -83,7 +81,7 @@ void check_flags(const DeblurFlags& flags, const restore::Method& method,
                " needs a true image, which exists at mid-exposure only; use edi, efnet or mean"));
   }
   if (!method.needs_efnet) return;
-  restore::checked_file_sha256(settings.efnet);
+  restore::restorer_file_sha256(settings.efnet);
   if (flags.pictures.times.empty()) return;
   const std::filesystem::path network = restore::restorer_path(settings.efnet);
   restore::check_times(network, restore::read_restorer_metadata(network), flags.pictures.times);

@@ -202,7 +202,6 @@ TEST_CASE("jade_deblur: a bad restorer gets one line and its exit code", "[apps]
   check_error(network("  return image\n", ""), 3, "export_efnet.py");
   check_error(network("  return image\n", replaced(kMetadata, "e3b0c442", "00000000")), 3, "bad.pt",
               "00000000");
-  check_error(efnet("net.pt --efnet-sha256 0000"), 3, "SHA-256", "0000");
   check_error(network("  return torch.conv2d(image, torch.ones([3, 4, 1, 1]))\n"), 3, "4 channels");
   check_error(network("  assert image.size(3) < 20, 'frames up to 20 px only'\n  return image\n"),
               3, "frames up to 20 px only");

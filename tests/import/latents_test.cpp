@@ -31,7 +31,7 @@ torch::Tensor latents(const std::filesystem::path& network, import::LatentKind k
   import::ImportOptions options;
   options.latents.kind = kind;
   options.events.threshold_positive = 0.3;
-  restore::ViewRestorer restorer({false, {}, 1}, restore::EfnetOptions{network, ""}, torch::kCPU);
+  restore::ViewRestorer restorer({false, {}, 1}, restore::EfnetOptions{network}, torch::kCPU);
   const import::Capture capture = brightening_capture();
   return import::latents_of(capture.shots.front(), capture, options, restorer);
 }

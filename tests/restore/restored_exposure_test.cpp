@@ -59,7 +59,7 @@ TEST_CASE("restore_exposure: only events of the exposure count, and the voxel is
   const test::TempDir dir;
   const data::Exposure exposure = exposure_with_events();
   const EfnetOptions adds_events{
-      test::save_restorer(dir / "n.pt", "  return 0.5 * image + 0.1 * mask\n"), ""};
+      test::save_restorer(dir / "n.pt", "  return 0.5 * image + 0.1 * mask\n")};
   ViewRestorer restorer({false, {}, 1}, adds_events, torch::kCPU);
   const RestoredExposure found = restore_exposure(exposure, exposure.events, {}, restorer);
   CHECK(found.maps.density.sum().item<double>() == 320);  // one each 25 µs of 8000
@@ -87,11 +87,9 @@ TEST_CASE("restore_exposure: a network of any moment gets its own windows' count
           "[restore]") {
   const test::TempDir dir;
   const data::Exposure exposure = exposure_with_events();
-  const EfnetOptions network{
-      test::save_any_time_restorer(
-          dir / "n.pt",
-          "  return 0.3 + 0.1 * time.view(-1, 1, 1, 1) * image + 0.05 * counts[:, 0:3]\n"),
-      ""};
+  const EfnetOptions network{test::save_any_time_restorer(
+      dir / "n.pt",
+      "  return 0.3 + 0.1 * time.view(-1, 1, 1, 1) * image + 0.05 * counts[:, 0:3]\n")};
   ViewRestorer restorer({false, {}, 1}, network, torch::kCPU);
   RestoreOptions options;
   const torch::Tensor events = slow_counts(exposure, 4).narrow(0, 0, 3);
@@ -122,7 +120,7 @@ TEST_CASE("restore_exposure: a network of any moment gets its own windows' count
 TEST_CASE("restore_exposure: a second start finds F, whatever the offset of EDI", "[restore]") {
   const test::TempDir dir;
   const data::Exposure exposure = exposure_with_events();
-  const EfnetOptions halves{test::save_restorer(dir / "n.pt", "  return image * 0.5\n"), ""};
+  const EfnetOptions halves{test::save_restorer(dir / "n.pt", "  return image * 0.5\n")};
   const auto hits = [&](double offset) {
     ViewRestorer restorer({true, dir / "cache", 2048}, halves, torch::kCPU);
     restore_exposure(exposure, exposure.events, {{}, {}, offset}, restorer);

@@ -474,19 +474,19 @@ Stage undistort_stage(const ImportOptions& options, Progressed& so_far) {
 }
 
 Stage restore_stage(const ImportOptions& options, Progressed& so_far) {
-  return {
-      "restore",
-      concat(text_of(options.events), text_of(options.latents),
-             options.latents.kind == LatentKind::kEdi ? ""
-                                                      : restore::checked_file_sha256(options.efnet),
-             " ", options.test.sharp_px),
-      [&](const fs::path& folder) {
-        return concat(write_latents(folder, so_far.capture, options).size(), " sharp images");
-      },
-      [&](const fs::path& folder) {
-        so_far.latent_folder = folder;
-        so_far.latents = load_latents(folder);
-      }};
+  return {"restore",
+          concat(text_of(options.events), text_of(options.latents),
+                 options.latents.kind == LatentKind::kEdi
+                     ? ""
+                     : restore::restorer_file_sha256(options.efnet),
+                 " ", options.test.sharp_px),
+          [&](const fs::path& folder) {
+            return concat(write_latents(folder, so_far.capture, options).size(), " sharp images");
+          },
+          [&](const fs::path& folder) {
+            so_far.latent_folder = folder;
+            so_far.latents = load_latents(folder);
+          }};
 }
 
 Stage poses_stage(const ImportOptions& options, Progressed& so_far) {

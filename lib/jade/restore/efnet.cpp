@@ -157,25 +157,27 @@ std::filesystem::path restorer_path(const EfnetOptions& options) {
   return options.path.empty() ? asset("assets/efnet_anytime.pt") : options.path;
 }
 
-std::string checked_file_sha256(const EfnetOptions& options) {
-  const std::filesystem::path path = restorer_path(options);
+namespace {
+
+std::filesystem::path existing_file(const EfnetOptions& options) {
+  std::filesystem::path path = restorer_path(options);
   if (!std::filesystem::is_regular_file(path)) {
     throw DataError(concat("efnet.path: expected the TorchScript file of the restorer, found no ",
                            "file ", path.string(),
                            options.path.empty() ? ", which comes with the program; name another"
                                                 : "; leave the key empty for the one that ships"));
   }
-  const std::string found = file_sha256(path);
-  if (!options.sha256.empty() && options.sha256 != found) {
-    fail_restorer(path, concat("expected SHA-256 ", options.sha256, ", found ", found,
-                               ": another file than the configuration means"));
-  }
-  return found;
+  return path;
+}
+
+}  // namespace
+
+std::string restorer_file_sha256(const EfnetOptions& options) {
+  return file_sha256(existing_file(options));
 }
 
 Restorer::Restorer(const EfnetOptions& options, torch::Device device)
-    : path_(restorer_path(options)), device_(device) {
-  checked_file_sha256(options);
+    : path_(existing_file(options)), device_(device) {
   metadata_ = read_restorer_metadata(path_);
   module_ = load_module(path_);
   const std::string weights = weights_sha256(*module_);

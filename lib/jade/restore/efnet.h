@@ -20,7 +20,6 @@ namespace jade::restore {
 
 struct EfnetOptions {
   std::filesystem::path path;
-  std::string sha256;
 };
 
 template <class V>
@@ -28,7 +27,6 @@ void describe(V& v, EfnetOptions& o) {
   v.field("path", o.path,
           "TorchScript file of the restorer (scripts/efnet/export_efnet.py); empty: the one that "
           "ships with the program");
-  v.field("sha256", o.sha256, "expected SHA-256 of the file (sha256sum); empty: not checked");
 }
 
 /// How to call a network for frames of a given size, so that its memory stays within a budget.
@@ -43,15 +41,14 @@ RestorerCall restorer_call(torch::Device device, int64_t pixels);
 std::filesystem::path restorer_path(const EfnetOptions& options);
 
 /// SHA-256 of that file, lower-case hex.
-/// @throws DataError if it does not exist, cannot be read, or differs from the options' hash.
-std::string checked_file_sha256(const EfnetOptions& options);
+/// @throws DataError if it does not exist or cannot be read.
+std::string restorer_file_sha256(const EfnetOptions& options);
 
 /// F: a frozen restorer (eval mode, no gradients).
 class Restorer {
  public:
   /// @throws DataError naming the path: not TorchScript, no metadata (with the command that exports
-  ///   a file with it), metadata of another version, weights that do not match the metadata, or a
-  ///   SHA-256 that differs from the options'.
+  ///   a file with it), metadata of another version, or weights that do not match the metadata.
   explicit Restorer(const EfnetOptions& options, torch::Device device = torch::kCPU);
   ~Restorer();
   Restorer(Restorer&&) noexcept;

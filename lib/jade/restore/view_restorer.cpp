@@ -18,7 +18,7 @@ ViewRestorer::ViewRestorer(const RestorationCacheOptions& cache, std::optional<E
       monochrome_(monochrome),
       early_(std::move(early)) {
   if (!options_) return;
-  file_sha256_ = checked_file_sha256(*options_);
+  file_sha256_ = restorer_file_sha256(*options_);
   metadata_ = read_restorer_metadata(restorer_path(*options_));
 }
 

@@ -352,7 +352,7 @@ ConstantBytes ViewBank::bytes_on_device() const {
 }
 
 std::string restorer_sha256(const RunOptions& options) {
-  return needs_efnet(options) ? restore::checked_file_sha256(options.efnet) : "";
+  return needs_efnet(options) ? restore::restorer_file_sha256(options.efnet) : "";
 }
 
 }  // namespace jade::train

@@ -104,8 +104,7 @@ class ViewBank {
 };
 
 /// SHA-256 of the restorer's file; empty if the options need none.
-/// @throws ConfigError if EFNet is needed and not named; DataError if its file cannot be read or
-///   its hash is not efnet.sha256.
+/// @throws ConfigError if EFNet is needed and not named; DataError if its file cannot be read.
 std::string restorer_sha256(const RunOptions& options);
 
 }  // namespace jade::train
