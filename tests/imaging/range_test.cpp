@@ -25,6 +25,9 @@ TEST_CASE("image: frames that are all black or fill 10 or 12 of 16 bits are repo
     image[0][0][0] = double(top) / steps;
     return std::vector<torch::Tensor>{image, image * 0};
   };
+  const auto range_fault = [](const std::vector<torch::Tensor>& set) {
+    return jade::imaging::range_fault(set, {"a", "b"});
+  };
   CHECK(range_fault({}).empty());
   CHECK(range_fault(images(255, 255)).empty());
   CHECK(range_fault(images(65535, 65535)).empty());
@@ -35,4 +38,19 @@ TEST_CASE("image: frames that are all black or fill 10 or 12 of 16 bits are repo
   CHECK(fault.find("4095") != std::string::npos);
   CHECK(fault.find("multiply the frames by 16") != std::string::npos);
   CHECK(range_fault({torch::zeros({3, 2, 2})}).find("black") != std::string::npos);
+}
+
+TEST_CASE("image: dark 16-bit frames among 8-bit ones are reported with the first's name",
+          "[imaging]") {
+  const std::vector<std::string> names{"00", "01", "02", "03"};
+  const auto bright = pattern(9, 11, 255), full = pattern(9, 11, 65535);
+  const auto narrow = pattern(9, 11, 4095) * (4095.0 / 65535);
+  const std::string fault = range_fault({bright, bright * 0, narrow, narrow}, names);
+  CHECK(fault.find("of 2 beside") != std::string::npos);
+  CHECK(fault.find("first is 02") != std::string::npos);
+  CHECK(fault.find("these frames by 16") != std::string::npos);
+  // Beside frames that fill 16 bits, dark ones may show a dark moment.
+  CHECK(range_fault({full, narrow}, names).empty());
+  CHECK(range_fault({bright, full, narrow}, names).empty());
+  CHECK(range_fault({bright, full}, names).empty());
 }

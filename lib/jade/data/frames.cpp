@@ -150,8 +150,12 @@ void check_frame_memory(const std::vector<fs::path>& paths,
 void check_range(const std::vector<fs::path>& paths, const std::vector<Frame>& frames,
                  const Warnings& warnings) {
   std::vector<torch::Tensor> images;
-  for (const Frame& frame : frames) images.push_back(frame.image);
-  const std::string fault = imaging::range_fault(images);
+  std::vector<std::string> names;
+  for (const Frame& frame : frames) {
+    images.push_back(frame.image);
+    names.push_back(frame.name);
+  }
+  const std::string fault = imaging::range_fault(images, names);
   if (!fault.empty()) warnings.add(paths.front().parent_path().string(), ": ", fault);
 }
 

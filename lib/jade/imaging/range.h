@@ -7,9 +7,11 @@
 
 namespace jade::imaging {
 
-/// A one-line fault of images with a wrong range: all of them black, or 16-bit values that use 10
-/// or 12 bits only. Empty otherwise.
+/// A one-line fault of images with a wrong range: all of them black, or all 16-bit ones use 10 or
+/// 12 bits only. Empty otherwise.
 /// @param images  [3,H,W] each, from read_image()
-std::string range_fault(const std::vector<torch::Tensor>& images);
+/// @param names   of the images, for the message
+std::string range_fault(const std::vector<torch::Tensor>& images,
+                        const std::vector<std::string>& names);
 
 }  // namespace jade::imaging

@@ -145,8 +145,12 @@ void read_frames(std::vector<FrameFile> files, Recording& recording) {
   });
   check_one_size(files, frames);
   std::vector<torch::Tensor> images;
-  for (const Frame& frame : frames) images.push_back(frame.image);
-  const std::string fault = imaging::range_fault(images);
+  std::vector<std::string> names;
+  for (const Frame& frame : frames) {
+    images.push_back(frame.image);
+    names.push_back(frame.name);
+  }
+  const std::string fault = imaging::range_fault(images, names);
   if (!fault.empty()) recording.notes.push_back(fault);
   recording.frames = std::move(frames);
 }
