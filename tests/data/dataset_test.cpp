@@ -4,6 +4,7 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
 #include <torch/types.h>
 
 #include "data/tiny_recording.h"
@@ -65,6 +66,25 @@ TEST_CASE("colour: one coloured pixel of one frame, blurry or sharp, is colour",
   sharp.test[1].image[1][0][0].neg_().add_(1);
   CHECK_FALSE(Loaded(blurry).as(FrameColor::kAuto).monochrome);
   CHECK_FALSE(Loaded(sharp).as(FrameColor::kAuto).monochrome);
+}
+
+TEST_CASE("colour: gray frames among coloured ones are one warning, black ones none", "[data]") {
+  EvDeblurContent content = test::tiny_content();
+  content.train[0].blurry.zero_();
+  Loaded black(content);
+  black.as(FrameColor::kAuto);
+  CHECK_FALSE(test::mentions(black.warnings, "gray"));
+  for (const size_t i : {1U, 3U}) {
+    content.train[i].blurry = imaging::as_gray(content.train[i].blurry);
+  }
+  Loaded mixed(content);
+  const Dataset data = mixed.as(FrameColor::kAuto);
+  CHECK_FALSE(data.monochrome);
+  CHECK(std::count_if(mixed.warnings.begin(), mixed.warnings.end(), [&](const std::string& line) {
+          return test::naming("2 of 6", "is " + data.train[1].name, "dataset.color").match(line);
+        }) == 1);
+  mixed.as(FrameColor::kColor);
+  CHECK_FALSE(test::mentions(mixed.warnings, "gray"));
 }
 
 TEST_CASE("colour: coloured frames are made gray by the luma on request", "[data]") {

@@ -34,23 +34,48 @@ void check_folder(const fs::path& folder) {
                          "give the folder of a data set"));
 }
 
-std::vector<torch::Tensor*> frames_of(Dataset& data) {
-  std::vector<torch::Tensor*> frames;
-  for (Exposure& exposure : data.train) frames.push_back(&exposure.blurry);
-  for (Exposure& exposure : data.held_out) frames.push_back(&exposure.blurry);
-  for (SharpView& view : data.test) frames.push_back(&view.image);
+struct NamedFrame {
+  const std::string& name;
+  torch::Tensor& image;
+};
+
+std::vector<NamedFrame> frames_of(Dataset& data) {
+  std::vector<NamedFrame> frames;
+  for (Exposure& exposure : data.train) frames.push_back({exposure.name, exposure.blurry});
+  for (Exposure& exposure : data.held_out) frames.push_back({exposure.name, exposure.blurry});
+  for (SharpView& view : data.test) frames.push_back({view.name, view.image});
   return frames;
+}
+
+/// Warns of gray frames among coloured ones; black frames may be either.
+void warn_of_gray(const std::vector<NamedFrame>& frames, const std::vector<bool>& is_gray,
+                  const fs::path& root, const Warnings& warnings) {
+  size_t count = 0;
+  std::string first;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    if (!is_gray[i] || !frames[i].image.any().item<bool>()) continue;
+    if (count++ == 0) first = frames[i].name;
+  }
+  if (count == 0) return;
+  warnings.add(root.string(), ": expected all frames in colour or all gray, found ", count, " of ",
+               frames.size(), " gray (the first is ", first,
+               "), which would fade the scene's colours; export them in colour, or set "
+               "dataset.color to gray");
 }
 
 /// Sets whether the data set is monochrome, and converts it if `color` is gray.
 void settle_color(FrameColor color, const Warnings& warnings, Dataset& data) {
-  const std::vector<torch::Tensor*> frames = frames_of(data);
-  const auto is_gray = [](const torch::Tensor* frame) { return imaging::is_gray(*frame); };
-  data.monochrome =
-      color == FrameColor::kGray || (color == FrameColor::kAuto && !frames.empty() &&
-                                     std::all_of(frames.begin(), frames.end(), is_gray));
+  const std::vector<NamedFrame> frames = frames_of(data);
+  data.monochrome = color == FrameColor::kGray;
+  if (color == FrameColor::kAuto) {
+    std::vector<bool> is_gray;
+    for (const NamedFrame& frame : frames) is_gray.push_back(imaging::is_gray(frame.image));
+    data.monochrome =
+        !frames.empty() && std::find(is_gray.begin(), is_gray.end(), false) == is_gray.end();
+    if (!data.monochrome) warn_of_gray(frames, is_gray, data.root, warnings);
+  }
   if (!data.monochrome) return;
-  for (torch::Tensor* frame : frames) *frame = imaging::as_gray(*frame);
+  for (const NamedFrame& frame : frames) frame.image = imaging::as_gray(frame.image);
   if (!data.event_color.defined()) return;
   data.event_color = torch::Tensor();
   warnings.add(data.root.string(),
