@@ -132,5 +132,14 @@ TEST_CASE("split: blurry frames as test views and none at all are warned of", "[
   CHECK(lines.size() == 6);
 }
 
+TEST_CASE("split: without any exposure, every rule names the arrays to correct", "[data]") {
+  const std::vector<FrameTime> sharp(10, FrameTime{7, 7});
+  for (const SplitKind kind :
+       {SplitKind::kAuto, SplitKind::kLast, SplitKind::kEvery, SplitKind::kNone}) {
+    CHECK_THROWS_NAMING(DataError, split_frames(sharp, {kind, 5, 8}, "t.npz", Warnings(nullptr)),
+                        "t.npz", "timestamps_start equal to timestamps_end", "10");
+  }
+}
+
 }  // namespace
 }  // namespace jade::data

@@ -49,6 +49,15 @@ void check_train_left(const std::vector<bool>& is_test, const std::string& path)
                          "dataset.split"));
 }
 
+/// @throws DataError if no frame has an exposure, so that none can be used for training.
+void check_exposed(const std::vector<FrameTime>& times, const std::string& path) {
+  const auto is_sharp = [](const FrameTime& time) { return time.sharp(); };
+  if (!std::all_of(times.begin(), times.end(), is_sharp)) return;
+  throw DataError(concat(path, ": expected exposures of the training frames, found ",
+                         "timestamps_start equal to timestamps_end for all ", times.size(),
+                         "; write the start and the end of each exposure into these two arrays"));
+}
+
 /// @throws DataError if a type with less precision than float64 rounds times by more than a
 ///   fiftieth of the frame period.
 void check_precision(const torch::Tensor& times, const std::string& name) {
@@ -157,10 +166,10 @@ std::string milliseconds_note(const FrameTimes& times, events::TimeUnit wanted,
 
 Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
                    const std::string& path, const Warnings& warnings) {
+  check_exposed(times, path);
   Split split;
   if (rule.kind == SplitKind::kAuto) {
     for (const FrameTime& time : times) split.is_test.push_back(time.sharp());
-    check_train_left(split.is_test, path);
     split.rule = concat(describe_pattern(split.is_test), ", by their zero exposure time");
     if (std::count(split.is_test.begin(), split.is_test.end(), true) == 0) {
       warnings.add(path,
