@@ -32,6 +32,17 @@ TEST_CASE("frames: names that would be taken for each other are refused, with bo
   CHECK(frame_names({"/d/a/\xc3\xbc.png"}) == Names{"\xc3\xbc"});
 }
 
+TEST_CASE("frames: links that lead nowhere or to themselves are passed over", "[data]") {
+  const test::TempDir folder;
+  const std::filesystem::path image = folder.write("images_2/00.png", "");
+  for (const char* name : {"latest", "images_3", "images_2/01.png", "images_2/cam1"}) {
+    std::filesystem::create_symlink(std::filesystem::path(name).filename(), folder / name);
+    std::filesystem::create_symlink("missing", folder / concat(name, "_old.png"));
+  }
+  CHECK(find_image_folder(folder.path(), "", ImageDepth::kNested) == folder / "images_2");
+  CHECK(list_images_within(folder / "images_2") == std::vector{image});
+}
+
 TEST_CASE("frames: an orientation that is not applied is one warning", "[data]") {
   // A JPEG of 8x8 gray pixels; its EXIF data say that it is upside down.
   const test::TempDir folder;

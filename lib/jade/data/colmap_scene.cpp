@@ -31,7 +31,10 @@ std::vector<fs::path> numbered_models(const fs::path& sparse) {
   for (const auto& entry : fs::directory_iterator(sparse)) {
     const std::string name = entry.path().filename().string();
     const bool numbered = name.size() < 9 && name.find_first_not_of("0123456789") == name.npos;
-    if (numbered && io::is_colmap_model(entry.path())) models.push_back(entry.path());
+    std::error_code ignored;  // of links that lead nowhere
+    if (numbered && entry.is_directory(ignored) && io::is_colmap_model(entry.path())) {
+      models.push_back(entry.path());
+    }
   }
   std::sort(models.begin(), models.end(), [](const fs::path& a, const fs::path& b) {
     return std::stol(a.filename().string()) < std::stol(b.filename().string());

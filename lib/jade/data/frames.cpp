@@ -27,7 +27,8 @@ std::vector<fs::path> list_images_within(const fs::path& folder) {
     const auto starts_with = [&](const char* front) { return name.rfind(front, 0) == 0; };
     const bool other = starts_with(".") || starts_with("mask") || starts_with("depth") ||
                        starts_with("normal") || starts_with("semantic");
-    if (entry.is_directory() && !other) folders.push_back(entry.path());
+    std::error_code ignored;  // of links that lead nowhere
+    if (!other && entry.is_directory(ignored)) folders.push_back(entry.path());
   }
   std::sort(folders.begin(), folders.end());
   for (const fs::path& inner : folders) {
@@ -48,7 +49,8 @@ fs::path find_image_folder(const fs::path& root, const std::string& wanted, Imag
   std::vector<fs::path> others;
   for (const auto& entry : fs::directory_iterator(root)) {
     const std::string name = entry.path().filename().string();
-    if (entry.is_directory() && name.rfind("images_", 0) == 0 && name != "images_edi") {
+    std::error_code ignored;  // of links that lead nowhere
+    if (name.rfind("images_", 0) == 0 && name != "images_edi" && entry.is_directory(ignored)) {
       others.push_back(entry.path());
     }
   }

@@ -328,7 +328,8 @@ std::vector<std::filesystem::path> list_images(const std::filesystem::path& fold
        entry.increment(error)) {
     // "._00.png" contains 00.png's attributes, written by macOS on other file systems.
     if (entry->path().filename().string()[0] == '.') continue;
-    if (is_image_extension(extension(entry->path())) && entry->is_regular_file()) {
+    std::error_code ignored;  // of links that lead nowhere
+    if (is_image_extension(extension(entry->path())) && entry->is_regular_file(ignored)) {
       out.push_back(entry->path());
     }
   }
