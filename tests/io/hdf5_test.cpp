@@ -10,6 +10,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::io {
@@ -122,6 +123,22 @@ TEST_CASE("hdf5: missing, empty, foreign and truncated files are data errors wit
     write_file(folder / "cut.h5", whole.substr(0, size));
     CHECK_THROWS_AS(Hdf5File(folder / "cut.h5"), DataError);
   }
+}
+
+TEST_CASE("hdf5: an encoding of a later library is named with the library's version", "[io]") {
+  const test::TempDir folder;
+  const std::vector<uint16_t> values{1, 2, 3};
+  Hdf5Writer writer(folder / "e.h5");
+  writer.append("events/p", values.data(), 3);
+  writer.close();
+  // The message of the type: class and version, flags, 2 bytes, bits 0 to 16.
+  std::string bytes = read_file(folder / "e.h5");
+  const size_t at = bytes.find(std::string("\x10\0\0\0\2\0\0\0\0\0\x10\0", 12));
+  REQUIRE(at != std::string::npos);
+  bytes[at] = '\xF0';
+  write_file(folder / "e.h5", bytes);
+  CHECK_THROWS_NAMING(DataError, Hdf5File(folder / "e.h5"), "e.h5", "events/p", "libver",
+                      concat("HDF5 ", H5_VERS_MAJOR, "."));
 }
 
 TEST_CASE("hdf5: a missing data set is named together with those present", "[io]") {

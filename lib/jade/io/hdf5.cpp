@@ -2,6 +2,7 @@
 #include "jade/io/hdf5.h"
 
 #include <algorithm>
+#include <cstring>
 #include <hdf5.h>
 #include <map>
 #include <utility>
@@ -61,9 +62,38 @@ void add_numeric_fields(hid_t type, Hdf5Dataset* out) {
   }
 }
 
-bool describe_dataset(hid_t file, const std::string& name, Hdf5Dataset* out) {
+herr_t note_version(unsigned, const H5E_error2_t* error, void* found) {
+  const bool is_version = std::strstr(error->desc, "version number") != nullptr;
+  if (is_version) *static_cast<bool*>(found) = true;
+  return 0;
+}
+
+/// Whether the last call of the library failed at an encoding of a version that it does not know,
+/// as later libraries write them. Other calls clear this state.
+bool is_unknown_version() {
+  bool found = false;
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, note_version, &found);
+  return found;
+}
+
+std::string library_version() {
+  unsigned major = 0, minor = 0, release = 0;
+  H5get_libversion(&major, &minor, &release);
+  return concat(major, ".", minor, ".", release);
+}
+
+/// False if it is damaged.
+/// @throws DataError if its encoding is newer than the library.
+bool describe_dataset(hid_t file, const std::string& name, const std::filesystem::path& path,
+                      Hdf5Dataset* out) {
   const Hdf5Id dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT));
-  if (!dataset.valid()) return false;
+  if (!dataset.valid()) {
+    if (!is_unknown_version()) return false;
+    throw DataError(concat(path.string(), ": expected data sets that HDF5 ", library_version(),
+                           " reads, found '", name,
+                           "' in a newer encoding; write the file again, with libver='earliest' "
+                           "(h5py) or H5F_LIBVER_V110"));
+  }
   const Hdf5Id space(H5Dget_space(dataset));
   const Hdf5Id type(H5Dget_type(dataset));
   const Hdf5Id properties(H5Dget_create_plist(dataset));
@@ -233,7 +263,7 @@ Hdf5File::Hdf5File(const std::filesystem::path& path)
   }
   for (const std::string& name : names) {
     Hdf5Dataset dataset;
-    if (!describe_dataset(handle_->file, name, &dataset)) {
+    if (!describe_dataset(handle_->file, name, path, &dataset)) {
       throw DataError(concat(path.string(), ": data set '", name, "' is damaged; copy it again"));
     }
     datasets_.push_back(std::move(dataset));
