@@ -124,6 +124,26 @@ TEST_CASE("recording: exposures from a list beside the images, or from their len
              test::naming("b.png", "among 1"));
 }
 
+TEST_CASE("recording: of exposures of two cameras, the folder in the name decides", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  const auto with_list = [&](const std::string& a, const std::string& b) {
+    dir.write("rpg/exposures.csv", a + "/a.png,120,240\n" + a + "/b.png,510,700\n" + b +
+                                       "/a.png,130,250\n" + b + "/b.png,520,710\n");
+    return read_recording(dir / "rpg");
+  };
+  for (const char* const folder : {"images", "/elsewhere/rpg/images"}) {
+    const Recording first = with_list(folder, "right"), last = with_list("right", folder);
+    CHECK(first.frames[0].t_start_us == 120);
+    CHECK(first.frames[1].t_end_us == 700);
+    CHECK(has_note(first, "2 of 4 exposures name a frame that is not there (right/a.png)"));
+    CHECK(last.frames[0].t_start_us == 130);
+  }
+  CHECK(with_list("images", ".").frames[0].t_start_us == 120);
+  CHECK_THAT(message_of([&] { with_list("left", "right"); }),
+             test::naming("exposures.csv", "left/b.png", "right/b.png"));
+}
+
 TEST_CASE("recording: exposures that overlap or are those of another frame are refused",
           "[recording]") {
   const TempDir dir;

@@ -72,8 +72,8 @@ void add_hdf5_frames(const std::filesystem::path& path, const ReadOptions& optio
                      Contents& contents);
 
 /// Gives each image the exposure that `exposures` contains for its name, and notes exposures
-/// without an image.
-/// @throws DataError if an image has none, and as check_apart().
+/// without an image. Of several lines with one file name, the folders in the line decide.
+/// @throws DataError if an image has none or several, and as check_apart().
 void apply_exposures(const std::filesystem::path& list, const std::vector<NamedExposure>& exposures,
                      std::vector<FrameFile>& files, std::vector<std::string>& notes);
 

@@ -4,6 +4,7 @@
 #include <map>
 #include <set>
 #include <torch/types.h>
+#include <vector>
 
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
@@ -46,29 +47,53 @@ std::string name_of(const FrameFile& file) { return file.path.filename().string(
 
 /// Notes lines of a list that match no image.
 void note_unused(const fs::path& list, const std::vector<NamedExposure>& exposures,
-                 const std::set<std::string>& used, std::vector<std::string>& notes) {
-  size_t count = 0;
-  std::string first;
-  for (const NamedExposure& row : exposures) {
-    if (used.count(fs::path(row.name).filename().string()) != 0) continue;
-    if (count++ == 0) first = row.name;
+                 const std::set<const NamedExposure*>& used, std::vector<std::string>& notes) {
+  if (used.size() == exposures.size()) return;
+  const auto first = std::find_if(exposures.begin(), exposures.end(),
+                                  [&](const NamedExposure& row) { return used.count(&row) == 0; });
+  notes.push_back(concat(list.string(), ": ", exposures.size() - used.size(), " of ",
+                         exposures.size(), " exposures name a frame that is not there (",
+                         first->name, "); add the frames or remove the lines"));
+}
+
+/// How well the folders of a listed name agree with a frame's: two per equal folder, counted from
+/// the file, and one more if all folders of the name are equal.
+int agreement(const fs::path& listed, const fs::path& frame) {
+  const fs::path a = listed.parent_path(), b = frame.parent_path();
+  const std::vector<fs::path> wanted(a.begin(), a.end()), known(b.begin(), b.end());
+  const auto ends = std::mismatch(wanted.rbegin(), wanted.rend(), known.rbegin(), known.rend());
+  return int(2 * (ends.first - wanted.rbegin())) + (ends.first == wanted.rend() ? 1 : 0);
+}
+
+using Rows = std::vector<const NamedExposure*>;
+
+/// The line of a frame among those with its file name, which lists of several cameras repeat.
+/// @throws DataError if the folders do not say which of two different lines is the frame's.
+const NamedExposure& line_of(const fs::path& frame, const Rows& rows, const fs::path& list) {
+  const fs::path whole = fs::absolute(frame).lexically_normal();
+  const NamedExposure* best = rows.front();
+  const NamedExposure* rival = nullptr;
+  for (const NamedExposure* row : rows) {
+    const int here = agreement(row->name, whole), there = agreement(best->name, whole);
+    const bool differs = row->start_us != best->start_us || row->end_us != best->end_us;
+    if (here > there) best = row, rival = nullptr;
+    if (here == there && differs) rival = row;
   }
-  if (count == 0) return;
-  notes.push_back(concat(list.string(), ": ", count, " of ", exposures.size(),
-                         " exposures name a frame that is not there (", first,
-                         "); add the frames or remove the lines"));
+  if (rival == nullptr) return *best;
+  throw DataError(concat(list.string(), ": expected one line for ", frame.filename().string(),
+                         ", found ", best->name, " and ", rival->name,
+                         " with different times; keep the lines of the frames' camera"));
 }
 
 }  // namespace
 
 void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exposures,
                      std::vector<FrameFile>& files, std::vector<std::string>& notes) {
-  std::map<std::string, events::TimeWindow> by_name;
+  std::map<std::string, Rows> by_name;
   for (const NamedExposure& row : exposures) {
-    const std::string name = fs::path(row.name).filename().string();
-    by_name[name] = {row.start_us, row.end_us};
+    by_name[fs::path(row.name).filename().string()].push_back(&row);
   }
-  std::set<std::string> used;
+  std::set<const NamedExposure*> used;
   for (FrameFile& file : files) {
     auto found = by_name.find(file.path.filename().string());
     if (found == by_name.end()) found = by_name.find(file.path.stem().string());
@@ -76,8 +101,9 @@ void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exp
       throw DataError(concat(list.string(), ": expected a line for ", file.path.filename().string(),
                              ", found none among ", exposures.size(), "; add it"));
     }
-    file.time = found->second;
-    used.insert(found->first);
+    const NamedExposure& row = line_of(file.path, found->second, list);
+    file.time = events::TimeWindow{row.start_us, row.end_us};
+    used.insert(&row);
   }
   note_unused(list, exposures, used, notes);
   check_apart(list, files, notes);
