@@ -208,6 +208,27 @@ TEST_CASE("recording: listed images are found with and without their folder", "[
   CHECK(read_recording(dir / "rpg", options).frames.size() == 2);
 }
 
+TEST_CASE("recording: whole numbers in images.txt are us or ns if they are too far apart for s",
+          "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  const auto start_with = [&](const std::string& a, const std::string& b) {
+    dir.write("rpg/images.txt", a + " images/a.png\n" + b + " images/b.png\n");
+    return read_recording(dir / "rpg");
+  };
+  const Recording in_us = start_with("2000", "52000");
+  CHECK(in_us.frames[0].t_start_us == 2000);
+  CHECK(in_us.frames[1].t_start_us == 52000);
+  CHECK(has_note(in_us, "read as us"));
+  const Recording in_ns = start_with("1700000000000000000", "1700000000050000000");
+  CHECK(in_ns.frames[1].t_start_us == 1700000000050000);
+  CHECK(has_note(in_ns, "read as ns"));
+  const Recording in_s = start_with("1", "2");
+  CHECK(in_s.frames[1].t_start_us == 2000000);
+  CHECK_FALSE(has_note(in_s, "read as"));
+  CHECK_THAT(message_of([&] { start_with("1e300", "2e300"); }), test::naming("images.txt"));
+}
+
 TEST_CASE("recording: stamps of 0 and files that were not fetched are named", "[recording]") {
   const TempDir dir;
   write_rpg_folder(dir, "rpg");

@@ -7,6 +7,7 @@
 #include <set>
 #include <sstream>
 #include <string>
+#include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
@@ -110,11 +111,28 @@ void tidy_list(const fs::path& list, std::vector<FrameFile>& files,
   files = std::move(kept);
 }
 
+/// Times are seconds unless they are whole and too far apart for that, as are µs and ns.
+void set_times(const fs::path& list, const std::vector<double>& times,
+               std::vector<FrameFile>& files, std::vector<std::string>& notes) {
+  const torch::Tensor stored = torch::tensor(times, torch::kFloat64);
+  const events::TimeUnit unit =
+      events::guess_exposure_unit(stored, stored, list.string(), "give the unit");
+  if (unit != events::TimeUnit::kS) {
+    notes.push_back(concat(list.string(), ": expected times in seconds, found whole numbers too ",
+                           "far apart; they are read as ", word_of(unit)));
+  }
+  const std::vector<int64_t> times_us = events::times_us(stored, unit, list.string());
+  for (size_t i = 0; i < files.size(); ++i) {
+    files[i].time = events::TimeWindow{times_us[i], times_us[i]};
+  }
+}
+
 }  // namespace
 
 std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::string>& notes) {
   std::istringstream text(without_mark(read_file(list)));
   std::vector<FrameFile> out;
+  std::vector<double> times;
   int64_t number = 0;
   for (std::string line; std::getline(text, line);) {
     ++number;
@@ -123,17 +141,18 @@ std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::stri
     std::istringstream words(line);
     std::string time, name;
     if (!(words >> time) || time[0] == '#') continue;
-    double seconds = 0;
-    const auto [end, error] = std::from_chars(time.data(), time.data() + time.size(), seconds);
+    double value = 0;
+    const auto [end, error] = std::from_chars(time.data(), time.data() + time.size(), value);
     if (error != std::errc() || end != time.data() + time.size() || !(words >> name) ||
-        !(std::abs(seconds) < 4e12) || !stays_inside(name)) {
+        !std::isfinite(value) || !stays_inside(name)) {
       throw DataError(concat(list.string(), ":", number,
                              ": expected \"seconds images/NAME\" of an image; correct "
                              "this line"));
     }
-    const int64_t t = std::llround(1e6 * seconds);
-    out.push_back({listed_file(list.parent_path(), name), events::TimeWindow{t, t}});
+    times.push_back(value);
+    out.push_back({listed_file(list.parent_path(), name), std::nullopt});
   }
+  set_times(list, times, out, notes);
   tidy_list(list, out, notes);
   return out;
 }
