@@ -94,6 +94,14 @@ TEST_CASE("calibration: a chain of Kalibr, two lenses and the place between", "[
   REQUIRE(calibration.second_from_first);
   CHECK(calibration.second_from_first->translation == geometry::Vector3{-0.11, 0.0004, -0.0008});
   CHECK(calibration.second_from_first->rotation[7] == Approx(0.0140).margin(1e-4));
+  CHECK(calibration.unused.empty());
+}
+
+TEST_CASE("calibration: further cameras of a chain are listed, not read", "[import]") {
+  const std::string more = "\ncam2:\n  camera_model: omni\ncam13:\n  camera_model: pinhole\n";
+  const auto calibration = read(kKalibr + more + "camera_notes:\n  by: hand\n");
+  CHECK(calibration.cameras.size() == 2);
+  CHECK(calibration.unused == std::vector<std::string>{"cam2", "cam13"});
 }
 
 TEST_CASE("calibration: OpenCV's storage, five coefficients or eight", "[import]") {

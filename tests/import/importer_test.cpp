@@ -11,6 +11,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/folder_lock.h"
+#include "jade/core/log.h"
 #include "jade/core/progress.h"
 #include "jade/imaging/image_io.h"
 #include "jade/import/capture.h"
@@ -125,17 +126,21 @@ TEST_CASE("importer: two cameras and the depth of their plane belong together", 
   simulate::write_recording(simulate::simulate(run), run, dir / "rig");
   import::ImportOptions options = options_for(dir / "rig", dir / "colmap");
   const auto import = [&] { import::import_recording(options, dir / "out", {"", "undistort"}); };
-  CHECK_THROWS_WITH(
-      import(), Catch::Contains("--plane-depth: ") && test::naming("camchain.yaml", "two cameras"));
+  CHECK_THROWS_WITH(import(), Catch::Contains("--plane-depth: ") &&
+                                  test::naming("camchain.yaml", "two cameras", "one sensor"));
   options.lens.calibration = dir / "one.txt";
   write_file(dir / "one.txt", "110 110 47.5 35.5 0 0 0 0 0\n");
   options.lens.plane_depth = 2;
   CHECK_THROWS_NAMING(ConfigError, import(), "calibration", "two cameras");
-  options.lens.calibration.clear();
-  options.lens.plane_depth = 2e-4;
-  CHECK_THROWS_NAMING(DataError, import(), "--plane-depth 0.0002");
-  // A calibration for half the size that the events span.
+  // A depth in another unit, and a chain with more cameras than the recording.
   const std::string chain = read_file(dir / "rig/camchain.yaml");
+  options.lens.calibration = dir.write("four.yaml", chain + "\ncam2:\n  a: 1\ncam3:\n  a: 1\n");
+  options.lens.plane_depth = 2e-4;
+  set_log_file(dir / "said.log");
+  CHECK_THROWS_NAMING(DataError, import(), "--plane-depth 0.0002");
+  set_log_file({});
+  CHECK_THAT(read_file(dir / "said.log"), test::naming("four.yaml", "cam2", "cam3", "warn"));
+  // A calibration for half the size that the events span.
   write_file(dir / "half.yaml",
              std::string(chain).replace(chain.find("[130, 100]"), 10, "[65, 50]"));
   options.lens.plane_depth = 2;

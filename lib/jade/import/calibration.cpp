@@ -150,6 +150,12 @@ geometry::Pose kalibr_pose(const Section& section) {
   return pose;
 }
 
+/// "cam0", "cam1", …
+bool is_chain_name(const std::string& name) {
+  return name.size() > 3 && name.rfind("cam", 0) == 0 &&
+         name.find_first_not_of("0123456789", 3) == std::string::npos;
+}
+
 Calibration kalibr(const std::filesystem::path& path, const DocumentNode& root) {
   Calibration calibration{path, {}, {}};
   for (const char* name : {"cam0", "cam1"}) {
@@ -158,6 +164,10 @@ Calibration kalibr(const std::filesystem::path& path, const DocumentNode& root) 
     const Section section{path, name, *node};
     if (!calibration.cameras.empty()) calibration.second_from_first = kalibr_pose(section);
     calibration.cameras.push_back(kalibr_camera(section));
+  }
+  for (const auto& [name, node] : root.entries) {
+    const bool used = name == "cam0" || (name == "cam1" && calibration.cameras.size() > 1);
+    if (!used && is_chain_name(name)) calibration.unused.push_back(name);
   }
   return calibration;
 }

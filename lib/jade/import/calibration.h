@@ -26,15 +26,16 @@ struct Calibration {
   std::filesystem::path path;
   std::vector<CalibratedCamera> cameras;
   std::optional<geometry::Pose> second_from_first;
+  std::vector<std::string> unused = {};  ///< further cameras of a chain
 };
 
-/// Reads the camera chain of Kalibr (`cam0`, `cam1`: camera_model pinhole, distortion_model radtan,
-/// equidistant or none, T_cn_cnm1), the FileStorage of OpenCV as YAML or XML and its ROS variant
-/// (camera_matrix, distortion_coefficients or fisheye's four with distortion_model, image_width,
-/// image_height, also as cameraMatrix, distCoeffs, K, D, in any case; fisheye_model: 1 too), a
-/// camera_info message as ROS prints it (K and D, or k and d), one camera of DV (a section of such
-/// a storage, or the JSON of dv-processing), or calib.txt of the RPG data sets (fx fy cx cy k1 k2
-/// p1 p2 k3). The content determines the format.
+/// Reads the camera chain of Kalibr (`cam0`, `cam1`, not further ones: camera_model pinhole,
+/// distortion_model radtan, equidistant or none, T_cn_cnm1), the FileStorage of OpenCV as YAML or
+/// XML and its ROS variant (camera_matrix, distortion_coefficients or fisheye's four with
+/// distortion_model, image_width, image_height, also as cameraMatrix, distCoeffs, K, D, in any
+/// case; fisheye_model: 1 too), a camera_info message as ROS prints it (K and D, or k and d), one
+/// camera of DV (a section of such a storage, or the JSON of dv-processing), or calib.txt of the
+/// RPG data sets (fx fy cx cy k1 k2 p1 p2 k3). The content determines the format.
 /// @throws DataError: one line with the path, what was expected, what was found.
 Calibration read_calibration(const std::filesystem::path& path);
 

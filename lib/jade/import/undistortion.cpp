@@ -9,6 +9,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
+#include "jade/data/warnings.h"
 #include "jade/events/warp.h"
 #include "jade/imaging/warp.h"
 #include "jade/import/rectify.h"
@@ -33,6 +34,15 @@ void warn_of_size(const Calibration& calibration, size_t index, const Capture& c
   log_warn(concat(calibration.path.string(), ": principal point (", camera.cx - 0.5, ", ",
                   camera.cy - 0.5, ") lies far from the middle of ", capture.width(), "x",
                   capture.height(), " frames; was it calibrated at another size?"));
+}
+
+void warn_of_unused(const Calibration& calibration) {
+  if (calibration.unused.empty()) return;
+  const bool rig = calibration.second_from_first.has_value();
+  log_warn(concat(calibration.path.string(), ": expected cam0 (of the frames) and cam1 (of the ",
+                  "events) at most, found ", data::listing(calibration.unused, 4), " too; ",
+                  rig ? "cam0 and cam1 are" : "cam0 is",
+                  " used, keep only the cameras of this recording, as cam0 and cam1"));
 }
 
 RectifyCameras cameras_of(const Calibration& calibration, const Capture& capture) {
@@ -89,10 +99,11 @@ std::optional<Calibration> calibration_of(const LensOptions& options,
   std::optional<Calibration> calibration;
   if (!path.empty()) calibration = read_calibration(path);
   if (is_rig(calibration) && !(options.plane_depth > 0)) {
-    throw ConfigError(
-        concat("--plane-depth: ", path.string(),
-               " is of two cameras; expected the distance at which their pictures are to agree, in "
-               "metres, that of most of the scene, found none"));
+    throw ConfigError(concat(
+        "--plane-depth: ", path.string(),
+        " is of two cameras, cam0 of the frames and cam1 of the events; expected the distance "
+        "at which their pictures are to agree, in metres, that of most of the scene, found "
+        "none; if one sensor takes both, keep its camera only, as cam0"));
   }
   if (!is_rig(calibration) && options.plane_depth > 0) {
     throw ConfigError(
@@ -114,6 +125,7 @@ void settle_sensor(const Calibration& calibration, Capture& capture) {
     capture.sensor = {std::max(second.height, reach.height), std::max(second.width, reach.width)};
   }
   cameras_of(calibration, capture);
+  warn_of_unused(calibration);
   warn_of_size(calibration, 0, capture);
 }
 
