@@ -3,6 +3,7 @@
 
 #include "support/catch.h"
 
+#include <cstdio>
 #include <fstream>
 #include <functional>
 #include <opencv2/imgcodecs.hpp>
@@ -174,6 +175,24 @@ TEST_CASE("image: a JPEG without its end is refused, one with more behind it is 
     const auto message = message_of([&] { read_image(write(bytes)); });
     CHECK(message.find("a.jpg: expected an image") != std::string::npos);
   }
+}
+
+TEST_CASE("image: a cut PNG is refused without lines of its decoder", "[imaging]") {
+  const Folder folder;
+  const fs::path cut = folder.path / "cut.png", printed = folder.path / "printed.txt";
+  const auto whole = encode_png(torch::rand({3, 40, 60}));
+  std::ofstream(cut, std::ios::binary).write(reinterpret_cast<const char*>(whole.data()), 3000);
+  std::fflush(stderr);
+  const int kept = dup(STDERR_FILENO);
+  REQUIRE(std::freopen(printed.c_str(), "w", stderr) != nullptr);
+  CHECK_THROWS_AS(read_image(cut), jade::DataError);
+  std::fflush(stderr);
+  dup2(kept, STDERR_FILENO);
+  close(kept);
+  CHECK(fs::file_size(printed) == 0);
+  // Bytes behind the end do not matter.
+  std::ofstream(cut, std::ios::binary) << std::string(whole.begin(), whole.end()) << "more";
+  CHECK(read_image(cut).size(2) == 60);
 }
 
 TEST_CASE("image: files that cannot be read are refused with their path", "[imaging]") {

@@ -156,10 +156,24 @@ bool is_whole_jpeg(const std::string& bytes) {
   return false;
 }
 
-bool is_cut_jpeg(const fs::path& path) {
-  char head[2] = {};
-  std::ifstream(path, std::ios::binary).read(head, 2);
-  return head[0] == '\xFF' && head[1] == '\xD8' && !is_whole_jpeg(read_file(path));
+/// Whether a PNG reaches its end chunk. Its decoder prints a line of its own if it does not.
+bool is_whole_png(const std::string& bytes) {
+  constexpr size_t kAround = 12;  // length, kind and checksum of a chunk
+  for (size_t at = 8; at + kAround <= bytes.size();) {
+    if (bytes.compare(at + 4, 4, "IEND") == 0) return true;
+    size_t length = 0;
+    for (size_t i = 0; i < 4; ++i) length = length << 8 | uint8_t(bytes[at + i]);
+    at += kAround + length;
+  }
+  return false;
+}
+
+bool is_cut(const fs::path& path) {
+  char head[4] = {};
+  std::ifstream(path, std::ios::binary).read(head, sizeof head);
+  const std::string start(head, sizeof head);
+  if (start.rfind("\xFF\xD8", 0) == 0) return !is_whole_jpeg(read_file(path));
+  return start == "\x89PNG" && !is_whole_png(read_file(path));
 }
 
 constexpr int kWithoutAlpha =
@@ -169,7 +183,7 @@ cv::Mat decode(const fs::path& path, int how = kWithoutAlpha) {
   require_file(path);
   cv::Mat mat;
   try {
-    if (!is_cut_jpeg(path)) mat = cv::imread(path.string(), how);
+    if (!is_cut(path)) mat = cv::imread(path.string(), how);
   } catch (const cv::Exception&) {
     // reported below
   }
