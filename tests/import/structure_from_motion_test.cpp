@@ -339,7 +339,13 @@ TEST_CASE("poses: a model without parallax is refused", "[import]") {
 
 TEST_CASE("poses: no model, and a COLMAP that fails, are reported", "[import]") {
   Search none("exit 0\n");
-  CHECK_THROWS_NAMING(DataError, none.find(), "no pair");
+  const auto wide = torch::avg_pool2d(torch::rand({1, 3, 120, 160}), 3, 1, 1)[0];
+  none.capture.shots[0].image = wide,
+  none.capture.shots[1].image = torch::roll(wide, {-3, 7}, {1, 2});
+  CHECK_THROWS_NAMING(DataError, none.find(), "no pair", "repeated");
+  none.capture.camera = geometry::Intrinsics::centred(25, 30, 20);
+  CHECK_THROWS_WITH(none.find(),
+                    test::naming("weak_corners: no pair") && !Catch::Contains("repeated"));
   Search failing("echo 'Check failed: no space'; exit 1\n");
   CHECK_THROWS_WITH(failing.find(),
                     test::naming("COLMAP: features") && Catch::Contains("no space"));

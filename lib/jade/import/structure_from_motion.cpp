@@ -417,6 +417,10 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
   std::string matched;  // flags of the extracted features
   fs::path folder;
   for (const ColmapSettings& settings : attempts()) {
+    // With a known focal length the repetition has the flags and seeds of the attempt before. If
+    // no pair of images began a model there, none does now.
+    const bool same = settings.hold_focal_length && job.camera;
+    if (same && result.attempts.back().registered == 0) continue;
     std::string flags;
     for (const auto* list : {&settings.extraction, &settings.matching}) {
       for (const std::string& flag : *list) flags += flag + " ";
