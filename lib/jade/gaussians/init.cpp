@@ -98,6 +98,13 @@ torch::Tensor with_origin(const torch::Tensor& points, const Vector3& from, cons
   return (points.to(torch::kFloat64) + shift).to(torch::kFloat32);
 }
 
+/// Points at the same place get this squared size, so that its logarithm is finite. 1e-7 is the
+/// published value; in a scene of small units it would enlarge most Gaussians.
+double least_spread(const torch::Tensor& spread) {
+  const double usual = spread.numel() > 0 ? spread.median().item<double>() : 0;
+  return usual > 0 ? std::min(1e-7, 1e-3 * usual) : 1e-7;
+}
+
 }  // namespace
 
 double scene_extent(const std::vector<geometry::Pose>& cameras_from_world) {
@@ -137,7 +144,8 @@ splat::Gaussians gaussians_from_points(const PointCloud& cloud) {
   check_shape(cloud.colors, "point colours", {count, 3});
   splat::Gaussians g;
   g.means = cloud.points.to(torch::kFloat32).contiguous();
-  const torch::Tensor spread = mean_squared_neighbour_distance(g.means).clamp_min(1e-7);
+  torch::Tensor spread = mean_squared_neighbour_distance(g.means);
+  spread = spread.clamp_min(least_spread(spread));
   g.log_scales = (0.5 * spread.log()).unsqueeze(1).repeat({1, 3}).contiguous();
   g.rotations = torch::zeros({count, 4});
   g.rotations.select(1, 0).fill_(1);
