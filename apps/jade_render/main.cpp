@@ -359,6 +359,10 @@ int main(int argc, char** argv) {
     apps::check_apart(program.output(), options->dataset);
     Subject subject{load_scene(flags), train::render_options(*options)};
     subject.options.antialiased = subject.file.antialiased;
+    if (flags.run.empty()) {
+      subject.options.near_plane =
+          gaussians::near_plane_of(subject.file.gaussians, subject.options.near_plane);
+    }
     subject.options.depth = flags.depth;
     const torch::Device device = select_device(options->device);
     splat::Gaussians& gaussians = subject.file.gaussians;

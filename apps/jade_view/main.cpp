@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shows a scene in a browser, rendered by this program.
-#include <algorithm>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -40,23 +38,9 @@ struct Subject {
   std::unique_ptr<run::RestoredPictures> restored = nullptr;  ///< of a run; reads `dataset`
 };
 
-/// Centre and radius of the bulk of a scene.
-struct Bulk {
-  geometry::Vector3 middle;
-  double radius;
-};
-
-Bulk bulk_of(const splat::Gaussians& gaussians) {
-  const gaussians::GaussianSummary summary = gaussians::summarize(gaussians);
-  const auto middle = [](const gaussians::Spread& s) { return 0.5 * (s.low + s.high); };
-  const auto half = [](const gaussians::Spread& s) { return 0.5 * (s.high - s.low); };
-  return {{middle(summary.x), middle(summary.y), middle(summary.z)},
-          std::max(1e-3, std::hypot(half(summary.x), half(summary.y), half(summary.z)))};
-}
-
 /// A camera that sees the bulk of a scene without cameras. Scenes from structure from motion
 /// usually have y down.
-data::SharpView overview(const Bulk& bulk) {
+data::SharpView overview(const gaussians::Bulk& bulk) {
   geometry::Vector3 eye = bulk.middle;
   eye[2] -= 2 * bulk.radius;
   data::SharpView view;
@@ -71,11 +55,9 @@ void open_file(const fs::path& path, torch::Device device, Subject& subject) {
   gaussians::check_some(file.gaussians, path);
   const std::string warning = gaussians::undrawable_warning(file.gaussians, path.string());
   if (!warning.empty()) log_warn(warning);
-  const Bulk bulk = bulk_of(file.gaussians);
   subject.dataset.name = path.filename().string();
-  subject.dataset.test.push_back(overview(bulk));
-  // A small scene can be nearer to the overview camera than the default near plane.
-  subject.draw.near_plane = std::min(subject.draw.near_plane, 0.01 * bulk.radius);
+  subject.dataset.test.push_back(overview(gaussians::bulk_of(file.gaussians)));
+  subject.draw.near_plane = gaussians::near_plane_of(file.gaussians, subject.draw.near_plane);
   subject.draw.antialiased = file.antialiased;
   subject.gaussians = gaussians::map_parameters(
       file.gaussians, [&](const torch::Tensor& tensor) { return tensor.to(device); });

@@ -46,6 +46,20 @@ TEST_CASE("summarize: what Gaussians are like", "[gaussians]") {
   CHECK(summary.problems.empty());
 }
 
+TEST_CASE("bulk: without strays, and a small scene has a near plane of its size", "[gaussians]") {
+  splat::Gaussians g = row_of(101);
+  g.means[100][1] = 1e6;
+  const Bulk bulk = bulk_of(g);
+  CHECK(bulk.middle[0] == Approx(50));
+  CHECK(bulk.radius == Approx(49));
+  CHECK(near_plane_of(g, 0.01) == 0.01);
+  g.means = g.means * 1e-3;
+  CHECK(near_plane_of(g, 0.01) == Approx(0.01 * 0.049));
+  // Without a size, the usual numbers of a camera work.
+  CHECK(bulk_of(row_of(1)).radius > 0);
+  CHECK(bulk_of(row_of(0)).radius > 0);
+}
+
 TEST_CASE("summarize: each thing that is wrong is one problem", "[gaussians]") {
   const auto only_problem = [](const splat::Gaussians& g) {
     const GaussianSummary summary = summarize(g);

@@ -2,11 +2,13 @@
 """Tests of the package jade: its readers and renders, against jade_render if JADE_BIN names its folder."""
 
 import json
+import math
 import os
 import subprocess
 import sys
 import tempfile
 import unittest
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +100,14 @@ class Runs(unittest.TestCase):
             black = jade.render(run, run.cameras[0])
         self.assertGreater((image - black)[..., 2].max(), 0.1)
         torch.testing.assert_close((image - black)[..., 0], torch.zeros(HEIGHT, WIDTH))
+
+    def test_a_small_scene_has_the_same_picture(self):
+        self.write_run()
+        run = jade.load_run(self.folder)
+        shrunk = replace(run.gaussians, means=run.gaussians.means * 1e-3, log_scales=run.gaussians.log_scales + math.log(1e-3))
+        near = replace(run.cameras[0], camera_from_world=run.cameras[0].camera_from_world.copy())
+        near.camera_from_world[:3, 3] *= 1e-3
+        torch.testing.assert_close(jade.render(shrunk, near), jade.render(run, run.cameras[0]), atol=1e-3, rtol=0)
 
     @unittest.skipUnless("JADE_BIN" in os.environ, "needs the programs")
     def test_draws_what_jade_render_draws(self):

@@ -133,6 +133,22 @@ GaussianSummary summarize(const splat::Gaussians& g) {
   return summary;
 }
 
+Bulk bulk_of(const splat::Gaussians& gaussians) {
+  Bulk bulk{};
+  double squares = 0;
+  for (size_t axis = 0; axis < 3; ++axis) {
+    const Spread spread = spread_of(gaussians.means.select(1, static_cast<int64_t>(axis)));
+    bulk.middle[axis] = 0.5 * (spread.low + spread.high);
+    squares += std::pow(0.5 * (spread.high - spread.low), 2);
+  }
+  bulk.radius = squares > 0 ? std::sqrt(squares) : 1e-3;
+  return bulk;
+}
+
+double near_plane_of(const splat::Gaussians& gaussians, double usual) {
+  return std::min(usual, 0.01 * bulk_of(gaussians).radius);
+}
+
 splat::Gaussians drawable(const splat::Gaussians& gaussians) {
   if (gaussians.size() == 0) return gaussians;
   const torch::Tensor visible = is_drawable(gaussians);

@@ -6,6 +6,7 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/geometry/pose.h"
 #include "jade/splat/gaussians.h"
 
 namespace jade::gaussians {
@@ -34,6 +35,18 @@ struct GaussianSummary {
 };
 
 GaussianSummary summarize(const splat::Gaussians& gaussians);
+
+/// Centre and radius of the bulk of a scene, without strays.
+struct Bulk {
+  geometry::Vector3 middle;
+  double radius;  ///< above 0
+};
+
+Bulk bulk_of(const splat::Gaussians& gaussians);
+
+/// Near plane for a scene whose cameras are unknown: `usual`, or 1 % of the radius of a scene so
+/// small that its cameras can be nearer than that.
+double near_plane_of(const splat::Gaussians& gaussians, double usual);
 
 /// Gaussians whose numbers are finite and within the limits of splat/math/projection.h; only these
 /// can be rendered.

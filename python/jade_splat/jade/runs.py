@@ -132,6 +132,9 @@ def render(
     if device is not None:
         gaussians = gaussians.to(device)
     like = gaussians.means
+    # In a small scene the camera can be nearer than the usual near plane.
+    spread = like.detach() - like.detach().median(0, keepdim=True).values if len(like) else like.new_ones(1, 3)
+    radius = float(spread.abs().median(0).values.norm())
     # x_camera = R (x − origin) + (t + R origin), with the shift in double.
     pose = np.array(camera.camera_from_world, np.float64)
     pose[:3, 3] += pose[:3, :3] @ np.array(gaussians.origin)
@@ -145,6 +148,7 @@ def render(
         like.new_tensor([[camera.fx, camera.fy, camera.cx, camera.cy]]),
         camera.width,
         camera.height,
+        near_plane=min(0.01, 0.01 * radius) or 0.01,
         antialiased=gaussians.antialiased,
     )
     return (color + (1 - alpha) * like.new_tensor(background)[:, None, None])[0].permute(1, 2, 0)
