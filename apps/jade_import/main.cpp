@@ -97,6 +97,9 @@ int main(int argc, char** argv) {
   return program.run(argc, argv, [&] {
     auto options = program.load_options<import::ImportOptions>();
     if (!options) return ExitCode::kOk;
+    if (options->recording.empty()) {
+      throw ConfigError("expected a recording, a file or a folder, found none; name it first");
+    }
     if (program.output().empty()) {
       throw ConfigError(
           "--output: expected a folder for the data set, found nothing; add --output data/NAME");

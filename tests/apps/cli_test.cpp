@@ -61,6 +61,17 @@ TEST_CASE("--config: settings that ship are found by their name from any folder"
   CHECK(run(dir, "jade_train --print-config --config configs/none.yaml").code == 2);
 }
 
+TEST_CASE("programs: --print-config and --print-schema need no data", "[apps]") {
+  const test::TempDir dir;
+  for (const char* program : {"jade_train", "jade_deblur", "jade_import", "jade_simulate"}) {
+    for (const char* flag : {" --print-config", " --print-schema"}) {
+      const Outcome outcome = run(dir, concat(program, flag));
+      INFO(program << flag << ": " << outcome.err);
+      CHECK(outcome.code == 0);
+    }
+  }
+}
+
 TEST_CASE("programs: every configuration that ships can be read", "[apps]") {
   const test::TempDir dir;
   int count = 0;

@@ -6,9 +6,6 @@
 namespace jade::import {
 
 void validate(const ImportOptions& options) {
-  if (options.recording.empty()) {
-    throw ConfigError("expected a recording, a file or a folder, found none; name it first");
-  }
   if (options.time.end_s != 0 && options.time.end_s <= options.time.begin_s) {
     throw ConfigError(concat("time.end_s: expected 0 or more than time.begin_s (",
                              options.time.begin_s, "), found ", options.time.end_s));
