@@ -152,6 +152,18 @@ TEST_CASE("origin: a data set moved to another origin is the same data set", "[d
   CHECK(data.points[3][0].item<float>() == Approx(before.points[3][0].item<float>() + shift));
 }
 
+TEST_CASE("origin: training's unit is 1 near depths of 1, else the depth", "[data]") {
+  const auto unit = [](double near, double far) {
+    data::Dataset data;
+    data.near = near, data.far = far;
+    return data::length_unit(data);
+  };
+  CHECK(unit(0.1, 0.4) == 1);
+  CHECK(unit(4, 16) == 1);
+  CHECK(unit(500, 2000) == Approx(1000));
+  CHECK(unit(1e-3, 4e-3) == Approx(2e-3));
+}
+
 TEST_CASE("origin: cameras at one place are reported", "[data]") {
   Dataset data;
   data.near = 1;

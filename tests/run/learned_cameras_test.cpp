@@ -4,6 +4,7 @@
 
 #include "support/catch.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
 
@@ -56,6 +57,11 @@ geometry::Pose nudged(const geometry::Pose& pose, double rotation, double shift)
   return geometry::pose_from_tensor(geometry::to_tensor(pose).matmul(geometry::se3_exp(twist)));
 }
 
+geometry::Pose in_millimetres(geometry::Pose pose) {
+  for (double& t : pose.translation) t *= 1000;
+  return pose;
+}
+
 splat::Gaussians moved(splat::Gaussians g, torch::Device device) {
   for (torch::Tensor* each : {&g.means, &g.rotations, &g.log_scales, &g.logit_opacities, &g.sh}) {
     *each = each->to(device);
@@ -97,6 +103,21 @@ void check_fit(torch::Device device) {
   CHECK(error_px(aligned.test[0].pose, view.pose, view) < 1e-3);
   const data::Dataset fitted = run::with_learned_poses(dataset, unmoved, gaussians, {200}, {});
   CHECK(psnr_from(fitted.test[0].pose) > psnr_from(view.pose) + 10);
+
+  // In millimetres the fit is the same.
+  data::Dataset in_mm = dataset;
+  for (data::Exposure& exposure : in_mm.train) {
+    for (geometry::Pose& pose : exposure.poses) pose = in_millimetres(pose);
+  }
+  for (data::SharpView& each : in_mm.test) each.pose = in_millimetres(each.pose);
+  in_mm.near *= 1000, in_mm.far *= 1000;
+  splat::Gaussians larger = gaussians;
+  larger.means = gaussians.means * 1000;
+  larger.log_scales = gaussians.log_scales + std::log(1000);
+  const data::Dataset fitted_mm = run::with_learned_poses(
+      in_mm, train::ExposurePoses(scene.learned(), in_mm), larger, {200}, {});
+  const auto fitted_picture = run::render_view(larger, fitted_mm.test[0].pose, view.camera, {});
+  CHECK(eval::psnr(fitted_picture, view.image) > psnr_from(view.pose) + 10);
 
   // An interrupt ends the fit early, except in an evaluation that would not be repeated.
   set_interrupt_requested(true);

@@ -69,7 +69,10 @@ TEST_CASE("gains: renders are as bright as their frame, and a brighter frame rai
   bench.options.gains.lr = 0.01;
   bench.options.objective.target = losses::Target::kNone;
   bench.dataset = with_gains(bench.dataset, {1, 1.5, 1});
+  // The same scene: one that starts from these gains has other colours.
+  const gaussians::GaussianModel scene_before = bench.state.gaussians;
   bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
+  bench.state.gaussians = scene_before;
   const torch::Tensor brighter = bench.render(bench.inputs(1, 1)).color.detach();
   CHECK(torch::allclose(brighter, 1.5 * plain, 1e-5, 1e-6));
   CHECK(bench.render(bench.inputs(0, 1))

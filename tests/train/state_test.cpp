@@ -3,11 +3,11 @@
 
 #include "support/catch.h"
 
+#include <cmath>
 #include <set>
 #include <torch/types.h>
 
 #include "jade/splat/math/sh.h"
-
 #include "train/bench.h"
 
 using namespace jade;
@@ -162,4 +162,49 @@ TEST_CASE("state: the first points leave out masked pixels and gains", "[train]"
   const torch::Tensor base = state.gaussians.parameters().sh.select(1, 0);
   const double brightest = 0.5 + splat::math::kSh0 * base.max().item<double>();
   CHECK(brightest == Approx(0.3));
+}
+
+namespace {
+
+/// The tiny scene with all lengths times `scale`, after some steps of MCMC with learned poses; its
+/// values are divided by `scale` again.
+struct InUnits {
+  torch::Tensor means, log_scales, centres;
+
+  InUnits(const test::TinyScene& scene, double scale) {
+    test::Bench bench(scene);
+    for (data::Exposure& exposure : bench.dataset.train) {
+      for (geometry::Pose& pose : exposure.poses) {
+        for (double& t : pose.translation) t *= scale;
+      }
+    }
+    bench.dataset.near *= scale, bench.dataset.far *= scale;
+    bench.options.poses = train::RunOptions().poses;
+    bench.options.densify.strategy = gaussians::DensifyStrategy::kMcmc;
+    bench.options.splat.near_plane = train::near_plane(bench.options.splat, bench.dataset);
+    bench.prepare(torch::kCPU);
+    bench.options.objective.target = losses::Target::kRouted;
+    bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
+    train::TrainState& state = bench.state;
+    for (int64_t step = 1; step <= 9; ++step) {
+      bench.step(bench.inputs(step % 3, step));
+      state.densifier.update(step, state.gaussians, state.gaussian_adam);
+    }
+    const torch::NoGradGuard no_grad;
+    means = state.gaussians.parameters().means / scale;
+    log_scales = state.gaussians.parameters().log_scales - std::log(scale);
+    const torch::Tensor path =
+        train::exposure_cameras(state, bench.inputs(1, 10)).camera_from_world;
+    centres = path.narrow(1, 0, 3).select(2, 3) / scale;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("state: a scene in kilometres or millimetres trains like any other", "[train]") {
+  const test::TinyScene scene;
+  const InUnits small(scene, std::pow(2, -10)), large(scene, std::pow(2, 10));
+  CHECK((small.means - large.means).abs().max().item<double>() < 0.01);
+  CHECK((small.log_scales - large.log_scales).abs().max().item<double>() < 0.01);
+  CHECK((small.centres - large.centres).abs().max().item<double>() < 2e-3);
 }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <torch/types.h>
 
+#include "jade/core/check.h"
+
 namespace jade::data {
 namespace {
 
@@ -94,6 +96,13 @@ void move_origin(Dataset& data, const Vector3& origin) {
     data.trajectory = geometry::Trajectory(times, poses);
   }
   data.origin = origin;
+}
+
+double length_unit(const Dataset& data) {
+  constexpr double kLeast = 0.1, kMost = 10;
+  const double depth = std::sqrt(data.near * data.far);
+  JADE_CHECK(depth > 0, "expected depth bounds above 0, found ", data.near, " and ", data.far);
+  return depth >= kLeast && depth <= kMost ? 1 : depth;
 }
 
 void tell_origin(Dataset& data) {

@@ -26,6 +26,12 @@ void move_origin(Dataset& data, const geometry::Vector3& origin);
 /// Adds a note if the data set was moved.
 void tell_origin(Dataset& data);
 
+/// The length that training takes as 1, in units of the data set. Step sizes of poses and the noise
+/// and the size penalty of MCMC are lengths, and suit depths near 1. Between 0.1 and 10 the unit is
+/// 1, as published; other scenes, in millimetres or kilometres for example, have the geometric mean
+/// of their depth bounds.
+double length_unit(const Dataset& data);
+
 /// Warns of cameras that all have the same centre, or the same pose.
 void tell_still_cameras(const Dataset& data, const Warnings& warnings);
 

@@ -82,8 +82,8 @@ void reset_opacities(GaussianModel& model, GaussianAdam& adam) {
 }
 
 Densifier::Densifier(const DensifyOptions& options, const GaussianModel& model,
-                     at::Generator generator)
-    : options_(options), generator_(std::move(generator)) {
+                     at::Generator generator, double unit)
+    : options_(options), generator_(std::move(generator)), unit_(unit) {
   reset_statistics(model);
 }
 
@@ -123,7 +123,8 @@ DensifyReport Densifier::update(int64_t step, GaussianModel& model, GaussianAdam
   }
   if (options_.strategy == DensifyStrategy::kMcmc) {
     const double lr = position_lr(adam.options(), step) * model.extent();
-    add_noise(options_.mcmc.noise_lr * lr, model, generator_);
+    // The noise of a mean is this factor times a covariance, which is the square of a length.
+    add_noise(options_.mcmc.noise_lr * lr / (unit_ * unit_), model, generator_);
   }
   return report;
 }
@@ -191,7 +192,7 @@ torch::Tensor Densifier::regularization(const GaussianModel& model) const {
   if (options_.strategy != DensifyStrategy::kMcmc) return {};
   const splat::Gaussians& values = model.parameters();
   return mean_opacity_and_scale(values.logit_opacities, values.log_scales,
-                                kMcmcOpacityRegularization, kMcmcScaleRegularization);
+                                kMcmcOpacityRegularization, kMcmcScaleRegularization / unit_);
 }
 
 }  // namespace jade::gaussians

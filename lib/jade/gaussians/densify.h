@@ -129,7 +129,10 @@ bool keeps_statistics(const DensifyOptions& options, int64_t step);
 class Densifier {
  public:
   Densifier() = default;
-  Densifier(const DensifyOptions& options, const GaussianModel& model, at::Generator generator);
+  /// @param unit  length for which the noise and the size penalty of strategy mcmc are meant, in
+  ///   units of the scene (data::length_unit)
+  Densifier(const DensifyOptions& options, const GaussianModel& model, at::Generator generator,
+            double unit = 1);
 
   /// How many of an exposure's `poses`, counted from the first, contribute to the statistics.
   int64_t counted_poses(int64_t poses) const {
@@ -167,6 +170,7 @@ class Densifier {
 
   DensifyOptions options_;
   at::Generator generator_;
+  double unit_ = 1;
   splat::ScreenStatistics statistics_;
 };
 

@@ -102,6 +102,10 @@ torch::Tensor se3_exp(const torch::Tensor& twist) {
   return rigid(rotation, apply(along, rho));
 }
 
+torch::Tensor twist_unit(double unit) {
+  return torch::tensor({unit, unit, unit, 1., 1., 1.}, torch::kFloat64);
+}
+
 torch::Tensor se3_log(const torch::Tensor& motion) {
   JADE_CHECK(motion.dim() >= 2 && motion.size(-1) == 4 && motion.size(-2) == 4,
              "motion: expected [...,4,4], found ", shape_string(motion));

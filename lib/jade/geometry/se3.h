@@ -14,6 +14,10 @@ namespace jade::geometry {
 /// @return [...,4,4]; differentiable any number of times, including at zero
 torch::Tensor se3_exp(const torch::Tensor& twist);
 
+/// [6] float64, (unit, unit, unit, 1, 1, 1): turns a twist whose translation counts units into one
+/// in the lengths of the scene.
+torch::Tensor twist_unit(double unit);
+
 /// log: SE(3) → se(3), the inverse of se3_exp for rotations by less than 90°.
 /// @param motion  [...,4,4], rigid.
 /// @return [...,6]; differentiable

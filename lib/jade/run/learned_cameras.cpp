@@ -10,6 +10,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
 #include "jade/data/cameras.h"
+#include "jade/data/origin.h"
 #include "jade/geometry/alignment.h"
 #include "jade/geometry/origin.h"
 #include "jade/geometry/quadrature.h"
@@ -118,14 +119,16 @@ torch::Tensor twist_gradient(const torch::Tensor& cameras, const torch::Tensor& 
 
 /// Moves the path of each sight as one body to minimise the difference between the render and the
 /// image. Sights do not act on one another. The host never waits for the device.
+/// @param unit  data::length_unit, for the step size of translations
 std::vector<std::vector<geometry::Pose>> fitted(const std::vector<Sight>& sights,
                                                 const splat::Gaussians& gaussians, int64_t steps,
-                                                const splat::RenderOptions& render,
+                                                const splat::RenderOptions& render, double unit,
                                                 Progress& progress, bool may_end) {
   SightBatch batch = batch_of(sights, gaussians.means.device());
   const auto count = static_cast<int64_t>(sights.size());
   const auto kind = batch.path.options();
   torch::Tensor path = batch.path, best = path, twist = torch::zeros({count, 6}, kind);
+  const torch::Tensor units = geometry::twist_unit(unit).to(kind);
   torch::Tensor least = torch::full({count}, std::numeric_limits<double>::infinity(), kind);
   train::PoseOptions schedule;
   schedule.lr = 1e-3;
@@ -140,11 +143,13 @@ std::vector<std::vector<geometry::Pose>> fitted(const std::vector<Sight>& sights
     const torch::Tensor now = loss.terms.detach().to(torch::kFloat64);
     best = torch::where((now < least).view({count, 1, 1, 1}), path, best);
     least = torch::minimum(least, now);
-    twist.mutable_grad() = twist_gradient(
-        path, batch.cameras.camera_from_world.grad().view(path.sizes()).to(torch::kFloat64));
+    twist.mutable_grad() =
+        units *
+        twist_gradient(
+            path, batch.cameras.camera_from_world.grad().view(path.sizes()).to(torch::kFloat64));
     twist.zero_();
     adam.step(train::pose_lr(schedule, step));
-    path = geometry::se3_exp(-twist).unsqueeze(1).matmul(path);
+    path = geometry::se3_exp(-twist * units).unsqueeze(1).matmul(path);
     if (progress.step(count)) progress.show();
   }
   const torch::Tensor found = best.cpu();
@@ -161,7 +166,7 @@ std::vector<std::vector<geometry::Pose>> fitted(const std::vector<Sight>& sights
 std::vector<std::vector<geometry::Pose>> all_fitted(const std::vector<Sight>& sights,
                                                     const splat::Gaussians& gaussians,
                                                     int64_t steps,
-                                                    const splat::RenderOptions& render,
+                                                    const splat::RenderOptions& render, double unit,
                                                     bool may_end) {
   Progress progress("fitting poses", static_cast<int64_t>(sights.size()) * steps);
   std::vector<std::vector<geometry::Pose>> paths;
@@ -172,7 +177,7 @@ std::vector<std::vector<geometry::Pose>> all_fitted(const std::vector<Sight>& si
            may_share_batch(sights[begin], sights[begin + some.size()])) {
       some.push_back(sights[begin + some.size()]);
     }
-    for (auto& path : fitted(some, gaussians, steps, render, progress, may_end)) {
+    for (auto& path : fitted(some, gaussians, steps, render, unit, progress, may_end)) {
       paths.push_back(std::move(path));
     }
     begin += some.size();
@@ -253,7 +258,8 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
     sights.push_back({exposure.blurry, exposure.camera, std::move(path), moments.weights,
                       exposure.mask, gain_of(exposure.gain)});
   }
-  const auto paths = all_fitted(sights, gaussians, fit.steps, render, may_end);
+  const auto paths =
+      all_fitted(sights, gaussians, fit.steps, render, data::length_unit(dataset), may_end);
   for (size_t i = 0; i < learned.test.size(); ++i) learned.test[i].pose = paths[i][0];
   for (size_t i = 0; i < learned.held_out.size(); ++i) {
     const auto& found = paths[learned.test.size() + i];

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "jade/core/check.h"
+#include "jade/data/origin.h"
 #include "jade/geometry/exposure_path.h"
 #include "jade/geometry/se3.h"
 #include "jade/train/exposure_span.h"
@@ -68,12 +69,14 @@ ExposurePoses::ExposurePoses(const PoseOptions& options, const data::Dataset& da
   const torch::Tensor control =
       bends ? poses_at_controls(dataset, options.control_poses) : first_guesses(dataset, cubic);
   const double depth = std::sqrt(dataset.near * dataset.far);
-  JADE_CHECK(depth > 0, "expected depth bounds above 0, found ", dataset.near, " and ",
-             dataset.far);
+  if (const double unit = data::length_unit(dataset); unit != 1) {
+    unit_ = register_buffer("unit", geometry::twist_unit(unit));
+  }
   if (start_ == PoseStart::kLine) {
     control_ = register_buffer("control", control);
   } else {
     gauge_ = pose_gauge(control, depth);
+    if (unit_.defined()) gauge_ = {gauge_.read * unit_, gauge_.write / unit_};
     gauge_.read = register_buffer("gauge_read", gauge_.read);
     gauge_.write = register_buffer("gauge_write", gauge_.write);
   }
@@ -84,7 +87,8 @@ ExposurePoses::ExposurePoses(const PoseOptions& options, const data::Dataset& da
 torch::Tensor ExposurePoses::forward(const torch::Tensor& exposure, const torch::Tensor& u,
                                      const torch::Tensor& data) const {
   check_shape(exposure, "exposure", {1});
-  const torch::Tensor twists = twists_.index_select(0, exposure).squeeze(0);
+  torch::Tensor twists = twists_.index_select(0, exposure).squeeze(0);
+  if (unit_.defined()) twists = twists * unit_;
   const torch::Tensor path =
       start_ == PoseStart::kData
           ? geometry::corrected_path(twists, u, data)

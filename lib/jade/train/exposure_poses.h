@@ -103,13 +103,15 @@ class ExposurePoses : public torch::nn::Module {
   /// exposure, whereas this changes the world's axes. Does nothing for kLine.
   void hold_gauge();
 
-  const torch::Tensor& twists() const { return twists_; }  ///< [V,K,6], the parameter
+  /// [V,K,6], the parameter; translations in data::length_unit
+  const torch::Tensor& twists() const { return twists_; }
 
  private:
   PoseStart start_;
   torch::Tensor control_;  ///< [V,K,4,4] world_from_camera, the control poses of kLine
   PoseGauge gauge_;        ///< for kData
-  torch::Tensor twists_;
+  torch::Tensor twists_;   ///< with translations in `unit_`
+  torch::Tensor unit_;     ///< [6]: data::length_unit and ones; undefined if all are 1
 };
 
 /// nullptr if the data's poses are not learned.

@@ -6,6 +6,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/random.h"
+#include "jade/data/origin.h"
 #include "jade/gaussians/init.h"
 #include "jade/imaging/color.h"
 #include "jade/train/visit.h"
@@ -103,8 +104,8 @@ TrainState make_state(const RunOptions& options, const Start& start, torch::Devi
   TrainState state;
   state.gaussians = gaussians::GaussianModel(start.gaussians, start.extent, device);
   state.gaussian_adam = gaussians::GaussianAdam(state.gaussians, options.optim, start.monochrome);
-  state.densifier =
-      gaussians::Densifier(options.densify, state.gaussians, make_generator(seed, "densification"));
+  state.densifier = gaussians::Densifier(options.densify, state.gaussians,
+                                         make_generator(seed, "densification"), start.unit);
   if (options.objective.target == losses::Target::kRouted) {
     state.allocation = router::make_allocation(options.allocation, start.views, start.height,
                                                start.width, make_generator(seed, "router start"));
@@ -188,6 +189,7 @@ TrainState make_state(const RunOptions& options, const data::Dataset& dataset,
   Start start;
   start.gaussians = std::move(gaussians);
   start.extent = gaussians::scene_extent(camera_poses(dataset));
+  start.unit = data::length_unit(dataset);
   start.monochrome = dataset.monochrome;
   start.views = static_cast<int64_t>(dataset.train.size());
   start.height = camera.height;

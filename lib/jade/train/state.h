@@ -54,6 +54,7 @@ double gradient_factor(const RunOptions& options, int64_t moment_stride);
 struct Start {
   splat::Gaussians gaussians;
   double extent = 1;        ///< of the scene, see gaussians::scene_extent
+  double unit = 1;          ///< see data::length_unit
   bool monochrome = false;  ///< the Gaussians are gray and must stay so
   int64_t views = 1;        ///< training views, and their size
   int64_t height = 0, width = 0;
