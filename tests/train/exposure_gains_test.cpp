@@ -69,7 +69,7 @@ TEST_CASE("gains: renders are as bright as their frame, and a brighter frame rai
   bench.options.gains.lr = 0.01;
   bench.options.objective.target = losses::Target::kNone;
   bench.dataset = with_gains(bench.dataset, {1, 1.5, 1});
-  // The same scene: one that starts from these gains has other colours.
+  // Gains change the first colours, so this is the scene from before.
   const gaussians::GaussianModel scene_before = bench.state.gaussians;
   bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
   bench.state.gaussians = scene_before;
