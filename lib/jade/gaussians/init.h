@@ -77,8 +77,8 @@ double scene_extent(const std::vector<geometry::Pose>& cameras_from_world);
 torch::Tensor mean_squared_neighbour_distance(const torch::Tensor& points);
 
 /// Creates Gaussians at the points: base colour from the colours, scale sqrt(mean squared distance
-/// to the 3 nearest, at least 1e-7), identity rotation, opacity kStartOpacity, SH degree 3 with
-/// zeros beyond degree 0.
+/// to the 3 nearest, at least 1e-7, or less in a scene of small units), identity rotation, opacity
+/// kStartOpacity, SH degree 3 with zeros beyond degree 0.
 splat::Gaussians gaussians_from_points(const PointCloud& cloud);
 
 /// @throws Error unless there are views and 0 < near < far.
