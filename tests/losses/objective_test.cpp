@@ -338,7 +338,7 @@ TEST_CASE("objective: a drawn target is compared with the render of its pose, al
           "[losses]") {
   PrintedOptions options;
   const ObjectivePlan middle = plan_objective(options, kLate);
-  options.restored_poses = RestoredPoses::kAll;
+  options.restored_poses = RestoredPoses::kNine;
   const ObjectivePlan plan = plan_objective(options, kLate);
   CHECK_FALSE(middle.drawn_target);
   CHECK(plan.drawn_target);
@@ -371,7 +371,7 @@ TEST_CASE("objective: a drawn target is compared with the render of its pose, al
 TEST_CASE("objective: the poses read of a drawn target begin with its own", "[losses]") {
   ObjectiveOptions options;
   options.blur = options.intensity = options.simulation = false;
-  options.restored_poses = RestoredPoses::kAll;
+  options.restored_poses = RestoredPoses::kNine;
   const torch::Tensor draws = torch::tensor({2, 4, 8, 7}, torch::kInt64);
   const ObjectivePlan plan = plan_objective(options, kLate);
   CHECK(poses_read(plan, draws).equal(torch::tensor({7, 2, 4}, torch::kInt64)));
@@ -387,7 +387,7 @@ TEST_CASE("objective: the poses read of a drawn target begin with its own", "[lo
 
 TEST_CASE("objective: agreement is asked of the drawn pose", "[losses]") {
   ObjectiveOptions options;
-  options.restored_poses = RestoredPoses::kAll;
+  options.restored_poses = RestoredPoses::kNine;
   options.target_until = 10;
   options.trust.agreement = 1e-3;
   ObjectiveInputs in = inputs(renders());

@@ -56,16 +56,16 @@ TEST_CASE("pace: restoration takes at most a third of the run", "[run]") {
     train::RunOptions options = cpu_options();
     const auto said = run::fit_to_speed({restore_s, 0.1}, kFrames, choices, options);
     CHECK(said.empty() == (options.objective.target == Target::kEfnet &&
-                           options.objective.restored_poses == RestoredPoses::kAll));
+                           options.objective.restored_poses == RestoredPoses::kNine));
     return options.objective;
   };
-  CHECK(fitted(0.24).restored_poses == RestoredPoses::kAll);  // 86 s of 263
+  CHECK(fitted(0.24).restored_poses == RestoredPoses::kNine);  // 86 s of 263
   CHECK(fitted(0.5).restored_poses == RestoredPoses::kThree);
   CHECK(fitted(1).restored_poses == RestoredPoses::kMiddle);
   CHECK(fitted(1).target == Target::kEfnet);
   CHECK(fitted(5).target == Target::kNone);
   CHECK(fitted(5, {{"objective.target"}}).target == Target::kEfnet);
-  CHECK(fitted(5, {{"objective.restored_poses"}}).restored_poses == RestoredPoses::kAll);
+  CHECK(fitted(5, {{"objective.restored_poses"}}).restored_poses == RestoredPoses::kNine);
 }
 
 TEST_CASE("pace: a few seconds of restoration are left as they are, however short the run",
@@ -73,7 +73,7 @@ TEST_CASE("pace: a few seconds of restoration are left as they are, however shor
   train::RunOptions options = cpu_options();
   options.train.iterations = 2;
   CHECK(run::fit_to_speed({0.05, 0.1}, kFrames, {}, options).empty());
-  CHECK(options.objective.restored_poses == RestoredPoses::kAll);
+  CHECK(options.objective.restored_poses == RestoredPoses::kNine);
 }
 
 TEST_CASE("pace: frames without events are restored at one moment", "[run]") {
@@ -98,7 +98,7 @@ TEST_CASE("pace: minutes become steps and moments", "[run]") {
   CHECK(int64_t{slow.densify.until} == 1800);
   // Restoration takes at most a third of the time, and steps get the rest.
   const train::RunOptions restored = fitted(0.1, 0.25);
-  CHECK(restored.objective.restored_poses == RestoredPoses::kAll);
+  CHECK(restored.objective.restored_poses == RestoredPoses::kNine);
   CHECK(restored.exposure.samples == 9);  // of 17 there would be 3,700 steps
   CHECK(restored.train.iterations == 8500);
   CHECK(fitted(0.1, 2).objective.restored_poses == RestoredPoses::kMiddle);

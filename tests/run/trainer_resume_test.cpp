@@ -65,7 +65,7 @@ TEST_CASE(
   CHECK(all == read_file(halves / "point_cloud.ply"));
   options.objective.restored_poses = losses::RestoredPoses::kMiddle;
   CHECK_THROWS_WITH(run::Trainer(options, halves, "latest"),
-                    Catch::Contains("objective.restored_poses: all -> middle"));
+                    Catch::Contains("objective.restored_poses: nine -> middle"));
   run::Trainer(options, scene.dir.path() / "middle", "").run();
   CHECK(all != read_file(scene.dir.path() / "middle" / "point_cloud.ply"));
 }

@@ -57,7 +57,7 @@ inline train::RunOptions routed_options(const TinyScene& scene) {
 /// routed_options with a restorer of any moment, which restores every pose.
 inline train::RunOptions all_poses_options(const TinyScene& scene) {
   train::RunOptions options = routed_options(scene);
-  options.objective.restored_poses = losses::RestoredPoses::kAll;
+  options.objective.restored_poses = losses::RestoredPoses::kNine;
   options.efnet.path = save_any_time_restorer(
       scene.dir / "any_time.pt",
       "  t = time.view(-1, 1, 1, 1)\n"

@@ -34,7 +34,7 @@ TEST_CASE("options: rules between fields name the keys", "[train]") {
 
 TEST_CASE("options: all poses are refused where only the middle is known", "[train]") {
   train::RunOptions options;
-  options.objective.restored_poses = losses::RestoredPoses::kAll;
+  options.objective.restored_poses = losses::RestoredPoses::kNine;
   CHECK_NOTHROW(train::validate(options));
   for (const auto target : {losses::Target::kBlurry, losses::Target::kImageFolder}) {
     options.objective.target = target;

@@ -34,14 +34,16 @@ constexpr auto words_of(Target) {
 }
 
 /// Poses of an exposure at which the target, and with it fusion and routing, is evaluated.
-enum class RestoredPoses { kMiddle, kThree, kNine, kAll };
+enum class RestoredPoses { kMiddle, kThree, kNine };
 
 constexpr auto words_of(RestoredPoses) {
   return std::array{
       Word{"middle", RestoredPoses::kMiddle, "mid-exposure, as printed"},
       Word{"three", RestoredPoses::kThree, "one of start, middle and end, sampled at every step"},
-      Word{"nine", RestoredPoses::kNine, "one of nine at equal steps, sampled at every step"},
-      Word{"all", RestoredPoses::kAll, "one of all poses, sampled at every step"}};
+      Word{
+          "nine", RestoredPoses::kNine,
+          "one of nine at equal steps, sampled at every step; of all poses if exposure.samples - 1 "
+          "is no multiple of 8"}};
 }
 
 /// Weight of L_edi at the start of a run, as in Eq. (10).
@@ -52,7 +54,7 @@ struct ObjectiveOptions {
   Target target = Target::kEfnet;
   double target_weight = 1.0;
   Steps target_until = Steps::share(20);
-  RestoredPoses restored_poses = RestoredPoses::kAll;
+  RestoredPoses restored_poses = RestoredPoses::kNine;
   bool blur = true;
   bool edi_supervision = true;
   double edi_weight_final = 0;

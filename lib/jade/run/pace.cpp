@@ -80,14 +80,10 @@ std::string restored_text(const RestoredFrames& frames, const train::RunOptions&
 bool restore_less(train::RunOptions& options) {
   if (options.objective.target == Target::kNone) return false;
   RestoredPoses& poses = options.objective.restored_poses;
-  const bool nine = poses == RestoredPoses::kAll && options.exposure.samples > 9 &&
-                    (options.exposure.samples - 1) % 8 == 0;
   if (poses == RestoredPoses::kMiddle) {
     options.objective.target = Target::kNone;
-  } else if (poses == RestoredPoses::kThree) {
-    poses = RestoredPoses::kMiddle;
   } else {
-    poses = nine ? RestoredPoses::kNine : RestoredPoses::kThree;
+    poses = poses == RestoredPoses::kNine ? RestoredPoses::kThree : RestoredPoses::kMiddle;
   }
   return true;
 }
@@ -303,7 +299,7 @@ std::vector<std::string> fit_to_speed(const Speed& speed, const RestoredFrames& 
                           " are restored: ", restored_text(frames, before), " would take ",
                           about_time(speed.restore_s * double(restored_moments(frames, before))),
                           ", more than a third of the run; --set objective.restored_poses=",
-                          word_of(before.objective.restored_poses), " restores all"));
+                          word_of(before.objective.restored_poses), " restores them"));
   }
   return said;
 }

@@ -23,11 +23,6 @@ bool has_nine_equal_moments(const RunOptions& options) {
 void validate_restored_poses(const RunOptions& options) {
   const losses::RestoredPoses poses = options.objective.restored_poses;
   if (poses == losses::RestoredPoses::kMiddle) return;
-  if (poses == losses::RestoredPoses::kNine && (options.exposure.samples - 1) % 8 != 0) {
-    throw ConfigError(concat(
-        "exposure.samples: expected 9, 17, 25, ... with objective.restored_poses nine, found ",
-        options.exposure.samples));
-  }
   const losses::Target target = options.objective.target;
   if (target == losses::Target::kBlurry || target == losses::Target::kImageFolder) {
     throw ConfigError(
@@ -90,11 +85,9 @@ int64_t restored_every(const RunOptions& options) {
     case losses::RestoredPoses::kThree:
       return steps / 2;
     case losses::RestoredPoses::kNine:
-      return steps / 8;
-    case losses::RestoredPoses::kAll:
       break;
   }
-  return 1;
+  return steps % 8 == 0 ? steps / 8 : 1;
 }
 
 std::vector<double> restored_times(const RunOptions& options) {
