@@ -25,7 +25,7 @@ TEST_CASE("sums ahead: each exposure's in its turn, on threads or not", "[train]
       const restore::ExposureSums expected =
           restore::sum_events(exposure, dataset.events, options, &network);
       CHECK(found.maps.density.equal(expected.maps.density));
-      CHECK(found.maps.windows.negative.equal(expected.maps.windows.negative));
+      CHECK(found.windows.equal(expected.windows));
       CHECK(found.network.equal(expected.network));
       CHECK_FALSE((before.defined() && before.equal(found.maps.density)));
       before = found.maps.density;

@@ -64,10 +64,7 @@ torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportO
   if (mean_of_each) how.times.assign(std::begin(kLatentMoments), std::end(kLatentMoments));
   const restore::RestoredExposure restored =
       restore::restore_exposure(exposure_of(shot, capture), capture.events, how, restorer);
-  const torch::Tensor u = torch::tensor({0.0, 0.5, 1.0}, torch::kFloat64);
-  const torch::Tensor gain =
-      imaging::edi_gain(restored.kernel.log_gain, u.to(restored.kernel.log_gain.device()))
-          .unsqueeze(1);
+  const torch::Tensor gain = restore::gain_at(restored, how, {0, 0.5, 1}).unsqueeze(1);
   torch::Tensor latents = restored.blurry * gain;
   if (options.latents.kind == LatentKind::kEdi) return latents.cpu();
   if (mean_of_each) return (0.5 * (latents + restored.efnet_at)).cpu();

@@ -2,7 +2,7 @@
 // Terms of the scene objective from DiET-GS. D is
 // ℓ_rec of Eq. (8) with its weight `dssim`, g is imaging::gray, ρ the camera response, Î_k the
 // render at pose k and B the blurry frame. EDI is linear in the image, EDI_k(X) = X ⊙ R_k with the
-// factor R_k = EdiKernel::gain[k] of imaging/edi.h, so the functions take R_k. Functions for D(·,·)
+// factor R_k = edi_gain() of imaging/edi.h, so the functions take R_k. Functions for D(·,·)
 // return the two images to compare: rec_loss() of rec.h evaluates one pair, imaging::l1_ssim_sum()
 // all pairs of a step in one pass.
 #pragma once

@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/events/ramps.h"
+#include "jade/imaging/edi.h"
 
 namespace jade::restore {
 namespace {
@@ -30,12 +31,10 @@ Integral integral_of(const RestoreOptions& options) {
   return {options.exposure.samples, options.exposure.quadrature};
 }
 
-torch::Tensor gain_at_samples(const imaging::EdiKernel& kernel,
-                              const geometry::ExposureOptions& options) {
-  if (kernel.gain.size(0) == options.samples) return kernel.gain;
-  const auto u = geometry::quadrature(options.quadrature, options.samples).u;
-  return imaging::edi_gain(kernel.log_gain,
-                           torch::tensor(u, torch::kFloat64).to(kernel.log_gain.device()));
+torch::Tensor gain_at(const torch::Tensor& windows, const RestoreOptions& options,
+                      const std::vector<double>& times, double contrast) {
+  const torch::Tensor u = torch::tensor(times, torch::kFloat64).to(windows.device());
+  return imaging::edi_gain(windows, integral_of(options).rule, u, contrast);
 }
 
 /// @param lasts  false: the exposure has zero length, so all its moments equal the middle
@@ -77,6 +76,8 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
     sums.maps.windows = events::ramped_windows(recording, span, integral_samples(options) - 1,
                                                reach_of(options.events), size);
   }
+  sums.windows = events::edi_windows(sums.maps.windows, options.events.thresholds());
+  sums.maps.windows = {};
   if (any_time) {
     sums.network = std::move(sums.maps.signed_windows);
   } else if (network != nullptr) {
@@ -86,8 +87,8 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
 }
 
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network) {
-  // Windows of both signs, bins twice, the network's windows, and some further maps.
-  const int64_t maps = 2 * (integral_samples(options) - 1) + 2 * events::kVoxelBins +
+  // Windows of both signs and together, bins twice, the network's windows, and some further maps.
+  const int64_t maps = 3 * (integral_samples(options) - 1) + 2 * events::kVoxelBins +
                        (network != nullptr ? network->windows : 0) + 8;
   // Six sorted events per pixel, as in fast motion.
   constexpr int64_t kEvents = 6 * 20;
@@ -106,28 +107,28 @@ RestoredExposure restore_exposure(const data::Exposure& exposure,
 RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums sums,
                                   const RestoreOptions& options, ViewRestorer& restorer) {
   const torch::Device device = restorer.device();
-  const Integral integral = integral_of(options);
   RestoredExposure restored;
   restored.maps = std::move(sums.maps);
   restored.blurry = exposure.blurry.to(device).contiguous();
-  // Run it before EDI, so that EDI's 65 maps and the network's memory are not needed at once.
+  // Run it before EDI, so that EDI's 64 maps and the network's memory are not needed at once.
   if (restorer.has_network()) {
     restore_learned(sums.network, exposure.duration_us() > 0, options, restorer, restored);
   }
-  const events::WindowCounts& counts = restored.maps.windows;
-  const torch::Tensor windows = events::edi_windows(
-      {counts.positive.to(device), counts.negative.to(device)}, options.events.thresholds());
-  restored.kernel = imaging::edi_kernel(windows, integral.rule);
-  restored.gain = gain_at_samples(restored.kernel, options.exposure);
-  restored.taught_gain = restored.gain;
-  if (options.taught_contrast != 1) {
-    restored.taught_gain = gain_at_samples(
-        imaging::edi_kernel(windows * options.taught_contrast, integral.rule), options.exposure);
-  }
-
-  restored.restorations.edi =
-      imaging::edi_mid(restored.blurry + options.log_offset, restored.kernel) - options.log_offset;
+  restored.windows = sums.windows.to(device);
+  const std::vector<double> samples =
+      geometry::quadrature(options.exposure.quadrature, options.exposure.samples).u;
+  restored.gain = gain_at(restored.windows, options, samples, 1);
+  restored.taught_gain = options.taught_contrast == 1
+                             ? restored.gain
+                             : gain_at(restored.windows, options, samples, options.taught_contrast);
+  const torch::Tensor middle = restored.gain.narrow(0, options.exposure.samples / 2, 1);
+  restored.restorations.edi = (restored.blurry + options.log_offset) * middle - options.log_offset;
   return restored;
+}
+
+torch::Tensor gain_at(const RestoredExposure& restored, const RestoreOptions& options,
+                      const std::vector<double>& times) {
+  return gain_at(restored.windows, options, times, 1);
 }
 
 }  // namespace jade::restore

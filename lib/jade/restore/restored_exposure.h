@@ -9,7 +9,6 @@
 #include "jade/events/exposure_maps.h"
 #include "jade/events/thresholds.h"
 #include "jade/geometry/quadrature.h"
-#include "jade/imaging/edi.h"
 #include "jade/restore/restorations.h"
 #include "jade/restore/view_restorer.h"
 
@@ -36,12 +35,12 @@ int64_t integral_samples(const RestoreOptions& options);
 
 /// One exposure restored at its middle, with its event maps.
 struct RestoredExposure {
-  events::ExposureMaps maps;  ///< on the CPU; their windows are those of the EDI integral
+  events::ExposureMaps maps;  ///< on the CPU, without their windows
   // On the restorer's device:
-  torch::Tensor blurry;       ///< [3,H,W]
-  imaging::EdiKernel kernel;  ///< latent images relative to the blurry frame, at the integral's
-                              ///< moments
-  torch::Tensor gain;         ///< [K,H,W] the same at the moments of geometry::quadrature()
+  torch::Tensor blurry;   ///< [3,H,W]
+  torch::Tensor windows;  ///< [S−1,H,W] events::edi_windows(), S integral_samples()
+  torch::Tensor gain;     ///< [K,H,W] latent images relative to the blurry frame, at the moments
+                          ///< of geometry::quadrature()
   torch::Tensor taught_gain;  ///< [K,H,W] `gain` with scaled thresholds, for the EDI loss
   Restorations restorations;  ///< I_edi; F if the restorer has a network, else undefined
   /// [M,3,H,W] F(B, V, t) at RestoreOptions::times, in their order; undefined without a network or
@@ -52,6 +51,7 @@ struct RestoredExposure {
 /// The events of an exposure, summed as its restoration needs them; on the CPU.
 struct ExposureSums {
   events::ExposureMaps maps;  ///< as RestoredExposure's
+  torch::Tensor windows;      ///< as RestoredExposure's
   torch::Tensor network;      ///< input of the network; undefined without one
 };
 
@@ -63,6 +63,11 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
 
 /// Approximate peak bytes per pixel of the image that sum_events() needs.
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network);
+
+/// Latent images relative to the blurry frame at any moments, 0 the start and 1 the end.
+/// @return [M,H,W], on the restorer's device
+torch::Tensor gain_at(const RestoredExposure& restored, const RestoreOptions& options,
+                      const std::vector<double>& times);
 
 /// Restores an exposure by EDI and EFNet, through the restorer's cache. If the middle is among the
 /// times, restores F only at the times.

@@ -5,8 +5,8 @@
 
 #include "jade/core/error.h"
 #include "jade/core/random.h"
+#include "jade/events/counts.h"
 #include "jade/events/voxel.h"
-#include "jade/imaging/edi.h"
 #include "jade/restore/restored_exposure.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
@@ -64,8 +64,9 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index,
       restore::restore_exposure(exposure, events_, how, restorer_);
   Restored restored;
   restored.gain = found.gain.unsqueeze(1).cpu();
-  const events::WindowCounts& counts = found.maps.windows;
-  restored.events = torch::stack({counts.positive.sum(0), counts.negative.sum(0)});
+  const events::ImageSize size{exposure.camera.height, exposure.camera.width};
+  restored.events = events::to_events(
+      events::count_events(exposure.events, {exposure.t_start_us, exposure.t_end_us}, size))[0];
   restore::Candidates& c = restored.candidates;
   c.blurry = exposure.blurry;
   c.edi = found.restorations.edi.cpu();
@@ -75,9 +76,7 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index,
         {exposure.blurry, events::polarity_projection(found.maps.voxel.values), index});
   }
   for (size_t k = 0; k < times.size(); ++k) {
-    const torch::Tensor u = torch::tensor({times[k]}, torch::kFloat64);
-    const torch::Tensor gain =
-        imaging::edi_gain(found.kernel.log_gain, u.to(found.kernel.log_gain.device()));
+    const torch::Tensor gain = restore::gain_at(found, how, {times[k]});
     restore::Candidates at;
     at.blurry = exposure.blurry;
     at.edi = ((found.blurry + options_.log_offset) * gain - options_.log_offset).cpu();
