@@ -41,6 +41,34 @@ TEST_CASE("view restorer: a second start with all views at hand loads no network
   CHECK(loaded);
 }
 
+TEST_CASE("view restorer: a data set whose views are all in the cache is known before it is read",
+          "[restore]") {
+  const test::TempDir dir;
+  const EfnetOptions file{test::save_restorer(dir / "n.pt", "  return image * 0.5\n")};
+  const torch::Tensor blurry = torch::rand({3, 16, 20}), voxel = torch::randn({6, 16, 20});
+  const auto known = [&](const RestorationCacheOptions& cache, const fs::path& data) {
+    return restored_before(cache, restorer_file_sha256(file), torch::kCPU, data);
+  };
+  const auto restore = [&](const RestorationCacheOptions& cache, int views) {
+    ViewRestorer restorer(cache, file, torch::kCPU);
+    for (int i = 0; i < views; ++i) restorer.efnet(blurry + 0.01 * i, voxel);
+    restorer.note_restored(dir / "data");
+  };
+  const RestorationCacheOptions cache = in(dir / "cache");
+  CHECK_FALSE(known(cache, dir / "data"));
+  CHECK_FALSE(fs::exists(dir / "cache"));
+  restore(cache, 2);
+  CHECK(known(cache, dir / "data"));
+  CHECK(known(cache, dir / "." / "data"));
+  CHECK_FALSE(known(cache, dir / "other"));
+  CHECK_FALSE(known({false, dir / "cache"}, dir / "data"));
+  CHECK_FALSE(restored_before(cache, "another restorer", torch::kCPU, dir / "data"));
+  // A view that does not fit the cache would be missing.
+  const RestorationCacheOptions none{true, dir / "full", 0};
+  restore(none, 1);
+  CHECK_FALSE(known(none, dir / "data"));
+}
+
 TEST_CASE("view restorer: a network that loads beside it is taken as one of its own", "[restore]") {
   const test::TempDir dir;
   const torch::Tensor blurry = torch::rand({3, 16, 20}), voxel = torch::randn({6, 16, 20});

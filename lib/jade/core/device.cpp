@@ -52,6 +52,12 @@ void bound_stack_memory(torch::Device device) {
   if (device.is_cuda()) cuda::bound_stack_memory(device.index() < 0 ? 0 : device.index());
 }
 
+void start_device(torch::Device device) {
+  if (!device.is_cuda()) return;
+  bound_stack_memory(device);
+  torch::zeros({1}, device).cpu();
+}
+
 torch::Device select_device(const std::string& choice) {
   if (choice == "cpu") return torch::kCPU;
   if (choice == "auto") {

@@ -36,6 +36,9 @@ void limit_threads_beside(torch::Device device);
 /// @return number of bytes returned
 int64_t trim_device_memory(torch::Device device, int64_t keep_bytes);
 
+/// Creates the GPU's context, which takes tenths of a second; does nothing on the CPU.
+void start_device(torch::Device device);
+
 /// Limits the stack of each GPU thread to 256 bytes until the program ends. The default, 1 KiB, is
 /// reserved for each of the 270,000 threads that an H100 can run. Kernels whose stack is known to
 /// be larger still get it. Initialises the device; only the first call per device has an effect.

@@ -64,6 +64,14 @@ void write_entry(const fs::path& path, const torch::Tensor& image) {
   file.commit();
 }
 
+fs::path folder_of(const RestorationCacheOptions& options) {
+  return options.folder.empty() ? cache_folder() / "restorations" : options.folder;
+}
+
+fs::path file_of(const fs::path& folder, const std::string& key) {
+  return folder / (key + kExtension);
+}
+
 struct Entry {
   fs::path path;
   fs::file_time_type used;
@@ -102,10 +110,15 @@ std::string restoration_key(const std::string& recipe, const std::vector<torch::
   return digest.hex();
 }
 
+bool is_cached(const RestorationCacheOptions& options, const std::string& key) {
+  std::error_code ignored;
+  return options.enabled && fs::is_regular_file(file_of(folder_of(options), key), ignored);
+}
+
 RestorationCache::RestorationCache(const RestorationCacheOptions& options)
     : max_bytes_(options.max_mib << 20) {
   if (!options.enabled) return;
-  folder_ = options.folder.empty() ? cache_folder() / "restorations" : options.folder;
+  folder_ = folder_of(options);
   try {
     make_writable_folder(folder_);
   } catch (const DataError& problem) {
@@ -128,15 +141,11 @@ void RestorationCache::give_up(const std::string& why) {
   folder_.clear();
 }
 
-fs::path RestorationCache::path_of(const std::string& key) const {
-  return folder_ / (key + kExtension);
-}
-
 std::optional<torch::Tensor> RestorationCache::find(const std::string& key,
                                                     torch::IntArrayRef shape) {
   if (folder_.empty()) return std::nullopt;
   if (key == writing_key_) finish_writing();
-  const fs::path path = path_of(key);
+  const fs::path path = file_of(folder_, key);
   std::error_code missing;
   if (fs::is_regular_file(path, missing)) {
     torch::Tensor image;
@@ -166,19 +175,21 @@ void RestorationCache::keep(const std::string& key, const torch::Tensor& image) 
   // More would remove the first entries of this run, and the next run would find none of them.
   if (kept_bytes_ + bytes > max_bytes_) return;
   kept_bytes_ += bytes;
+  ++kept_;
   const torch::Tensor values = image.detach()
                                    .to(torch::kCPU, half ? torch::kHalf : torch::kFloat32,
                                        /*non_blocking=*/false, /*copy=*/true)
                                    .contiguous();
   writing_key_ = key;
-  writing_ = std::async(std::launch::async, [path = path_of(key), values]() -> std::string {
-    try {
-      write_entry(path, values);
-    } catch (const std::exception& problem) {
-      return problem.what();
-    }
-    return "";
-  });
+  writing_ =
+      std::async(std::launch::async, [path = file_of(folder_, key), values]() -> std::string {
+        try {
+          write_entry(path, values);
+        } catch (const std::exception& problem) {
+          return problem.what();
+        }
+        return "";
+      });
   const int64_t eighth = max_bytes_ / 8;
   if (eighth > 0 && kept_bytes_ / eighth > (kept_bytes_ - bytes) / eighth) prune();
 }

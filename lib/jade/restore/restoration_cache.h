@@ -37,6 +37,9 @@ void describe(V& v, RestorationCacheOptions& o) {
 /// @param inputs  shapes, types and values are hashed; on any device.
 std::string restoration_key(const std::string& recipe, const std::vector<torch::Tensor>& inputs);
 
+/// Whether the cache has a file for the key, undamaged or not. Does not create the folder.
+bool is_cached(const RestorationCacheOptions& options, const std::string& key);
+
 /// One file per image, named by its key. Files appear completely or not at all, so runs may share a
 /// folder and may be killed; a damaged file is recomputed with a warning. A folder that cannot be
 /// used causes a warning, not an error.
@@ -63,11 +66,12 @@ class RestorationCache {
 
   int64_t hits() const { return hits_; }
   int64_t misses() const { return misses_; }
+  /// Whether the next run will find all that this object was asked for.
+  bool is_complete() const { return !folder_.empty() && misses_ == kept_; }
   /// Empty if the cache is off.
   const std::filesystem::path& folder() const { return folder_; }
 
  private:
-  std::filesystem::path path_of(const std::string& key) const;
   void give_up(const std::string& why);
   /// Waits until the last image is on the disk.
   void finish_writing();
@@ -78,6 +82,7 @@ class RestorationCache {
   std::string writing_key_;
   std::future<std::string> writing_;  ///< the problem, if any
   int64_t hits_ = 0, misses_ = 0;
+  int64_t kept_ = 0;  ///< number of stored images
 };
 
 }  // namespace jade::restore

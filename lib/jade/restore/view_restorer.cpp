@@ -9,6 +9,19 @@
 #include "jade/restore/restorations.h"
 
 namespace jade::restore {
+namespace {
+
+/// Key of the note that all views of a data set are in the cache.
+std::string note_key(const std::string& sha256, torch::Device device,
+                     const std::filesystem::path& data) {
+  std::error_code ignored;
+  return restoration_key(
+      concat("all of ", std::filesystem::weakly_canonical(data, ignored).string(), "; ", sha256,
+             "; torch ", torch_version(), "; ", device.type()),
+      {});
+}
+
+}  // namespace
 
 ViewRestorer::ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
                            torch::Device device, bool monochrome, std::future<Restorer> early)
@@ -87,6 +100,16 @@ void ViewRestorer::leave() {
   network_.reset();
   early_ = {};
   trim_device_memory(device_, 0);
+}
+
+void ViewRestorer::note_restored(const std::filesystem::path& data) {
+  if (!options_ || !cache_.is_complete()) return;
+  cache_.keep(note_key(file_sha256_, device_, data), torch::zeros({1, 1, 1}));
+}
+
+bool restored_before(const RestorationCacheOptions& cache, const std::string& sha256,
+                     torch::Device device, const std::filesystem::path& data) {
+  return is_cached(cache, note_key(sha256, device, data));
 }
 
 Restorer& ViewRestorer::network() {

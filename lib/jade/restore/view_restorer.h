@@ -55,6 +55,8 @@ class ViewRestorer {
   bool network_is_loaded() const { return network_.has_value(); }
   /// Unloads the network and frees its memory and that of its libraries on the device.
   void leave();
+  /// For restored_before(): notes in the cache that it has all views of this data set, if it has.
+  void note_restored(const std::filesystem::path& data);
   const RestorationCache& cache() const { return cache_; }
 
  private:
@@ -73,5 +75,11 @@ class ViewRestorer {
   std::future<Restorer> early_;
   std::optional<Restorer> network_;
 };
+
+/// Whether a former run with this restorer left all views of the data set in the cache, so that the
+/// network will probably not be needed. Only a hint: data and settings may have changed.
+/// @param sha256  of the restorer's file
+bool restored_before(const RestorationCacheOptions& cache, const std::string& sha256,
+                     torch::Device device, const std::filesystem::path& data);
 
 }  // namespace jade::restore

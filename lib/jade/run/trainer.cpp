@@ -60,8 +60,13 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   data::kind_of(options.dataset);
   // Set up before anything that may warn.
   set_log_file(directory.path() / "train.log");
-  if (train::needs_efnet(options) && device.is_cuda()) {
+  std::future<void> started;
+  if (train::needs_efnet(options) && device.is_cuda() &&
+      !restore::restored_before(options.cache, data.restorer_sha256, device,
+                                options.dataset.path)) {
     data.restorer = restore::load_beside(options.efnet, device);
+  } else if (device.is_cuda()) {
+    started = std::async(std::launch::async, [device] { start_device(device); });
   }
   if (options.response.enabled) response::identity_response();  // fails before the data are read
   log_info(concat("reading     ", options.dataset.path.string()));

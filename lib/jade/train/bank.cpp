@@ -196,6 +196,7 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
     if (progress.step()) progress.show();
   }
   restorer.leave();
+  restorer.note_restored(options.dataset.path);
   place(most_device_bytes);
 }
 
