@@ -170,6 +170,21 @@ class AgainstReference(unittest.TestCase):
             self.assertLess((found[name] - expected[name]).abs().max(), 1e-9, name)
 
 
+    def test_opacity_above_one(self):
+        """A wider opaque middle, as in gsplat; the Gaussian must not vanish."""
+        scene = make_scene()
+        scene["opacities"] *= 2.5
+        self.assertGreater(scene["opacities"].max(), 1)
+        for (device, dtype), rasterize in itertools.product(DEVICES, ("classic", "antialiased")):
+            expected = run(reference.rasterization, scene, rasterize_mode=rasterize)
+            moved = {name: t.to(device, dtype) for name, t in scene.items()}
+            found = run(rasterization, moved, packed=False, rasterize_mode=rasterize)
+            tolerance = 1e-9 if dtype == torch.float64 else 2e-3
+            self.assertLess((found[0].cpu().double() - expected[0]).abs().max(), tolerance)
+            for name in ("opacities", "means", "scales"):
+                a, b = found[2][name].cpu().double(), expected[2][name]
+                self.assertLess((a - b).norm() / b.norm(), tolerance, name)
+
     def test_cap_of_alpha(self):
         """A pixel in the middle of an opaque Gaussian: 0.999 of it, as in gsplat; 0.99 in the programs."""
         for device, dtype in DEVICES:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 _MIN_ALPHA = 1 / 255  # a fainter splat does not count
-_SIGMAS = 3.33  # where the extent ends, however opaque the Gaussian
+_MAX_OPACITY = 1e4  # a larger one is rejected
 _DILATION = 0.3  # px², added to both variances on the screen
 
 
@@ -61,10 +61,11 @@ def project(means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, cam
     opacity = opacities[..., None, :].expand(depth.shape)
     if cameras.antialiased:
         opacity = opacity * (bare / det).sqrt()
-    sigmas = (2 * (opacity / _MIN_ALPHA).clamp_min(1).log()).sqrt().clamp_max(_SIGMAS)
+    sigmas = (2 * (opacity / _MIN_ALPHA).clamp_min(1).log()).sqrt()
     means2d = ratio * focal + center
     radii = (sigmas[..., None] * torch.stack([xx, yy], -1).sqrt()).ceil()
-    shown = (depth >= cameras.near_plane) & (depth <= cameras.far_plane) & (opacity >= _MIN_ALPHA) & (det > 0)
+    shown = (depth >= cameras.near_plane) & (depth <= cameras.far_plane) & (det > 0)
+    shown &= (opacity >= _MIN_ALPHA) & (opacity <= _MAX_OPACITY)
     shown &= ((means2d + radii > 0) & (means2d - radii < size)).all(-1)
     return {
         "radii": torch.where(shown[..., None], radii, 0).to(torch.int32),

@@ -127,7 +127,7 @@ def rasterization(
         means: [..., N, 3], world.
         quats: [..., N, 4], wxyz, of any length.
         scales: [..., N, 3].
-        opacities: [..., N], of 0 to 1.
+        opacities: [..., N], of 0 to 1. A larger one has a wider opaque middle, since alpha is capped.
         colors: [..., N, D] or [..., C, N, D] of any D and sign; with `sh_degree` coefficients [..., N, K, 3] or
             [..., C, N, K, 3].
         viewmats: [..., C, 4, 4], from the world to the camera.

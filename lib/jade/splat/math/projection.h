@@ -15,6 +15,7 @@ constexpr double kMaxAbsLogScale = 30;     ///< beyond this a Gaussian is reject
 constexpr double kMaxAbsScale = 1e13;      ///< likewise
 constexpr double kMaxAbsMean = 1e12;       ///< likewise
 constexpr double kMaxAbsLogit = 1e4;       ///< likewise
+constexpr double kMaxOpacity = 1e4;        ///< likewise, of an opacity that is given as such
 constexpr double kMinQuaternion2 = 1e-24;  ///< smallest squared norm of a rotation
 constexpr double kMaxCovariance = 1e12;    ///< px²; a larger ellipse is culled
 
@@ -97,7 +98,7 @@ JADE_HD auto is_usable(const RawShape<S>& raw, bool activated = false) {
   const S scale_bound(activated ? kMaxAbsScale : kMaxAbsLogScale);
   const S* const q = raw.quaternion;
   const S norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-  auto usable = within(raw.logit_opacity, S(activated ? 1 : kMaxAbsLogit)) &
+  auto usable = within(raw.logit_opacity, S(activated ? kMaxOpacity : kMaxAbsLogit)) &
                 (norm2 >= S(kMinQuaternion2)) & (norm2 <= S(1 / kMinQuaternion2));
   for (int i = 0; i < 3; ++i) {
     usable = usable & within(raw.mean[i], S(kMaxAbsMean)) & within(raw.log_scale[i], scale_bound);
@@ -287,7 +288,7 @@ JADE_HD auto is_drawable(const Screen<S>& screen, S near_plane, S far_plane) {
   const S bound(kMaxCovariance);
   return (screen.depth >= near_plane) & (screen.depth <= far_plane) & within(screen.x, bound) &
          within(screen.y, bound) & within(screen.cov_xx, bound) & within(screen.cov_yy, bound) &
-         within(screen.opacity, S(1)) & (screen.det > S(0));
+         within(screen.opacity, S(kMaxOpacity)) & (screen.det > S(0));
 }
 
 /// Gradients of one view's camera.
