@@ -250,6 +250,19 @@ class Gradients(unittest.TestCase):
         with self.assertRaisesRegex(RuntimeError, "once_differentiable"):
             grad.sum().backward()
 
+    def test_no_forward_mode(self):
+        """A tangent must not be lost: the image is no constant."""
+        scene = make_scene(count=4)
+        others = [scene[name] for name in (*NAMES[1:6], "Ks")]
+
+        def rendered(means):
+            return rasterization(means, *others, WIDTH, HEIGHT)[0]
+
+        with self.assertRaisesRegex(NotImplementedError, "tangents"):
+            torch.func.jvp(rendered, (scene["means"],), (torch.ones_like(scene["means"]),))
+        with torch.autograd.forward_ad.dual_level():
+            self.assertTrue(rendered(scene["means"]).isfinite().all())
+
     def test_some_inputs_need_gradients(self):
         full = with_gradients(make_scene())
         rasterization(**full, width=WIDTH, height=HEIGHT)[0].square().sum().backward()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
+from torch.autograd import forward_ad
 
 from . import _library  # noqa: F401 (registers the ops)
 
@@ -79,13 +80,25 @@ def _backward_eager(ctx, *grads):
 _backward_once = torch.autograd.function.once_differentiable(_backward_eager)
 
 
+def _refuse_tangents(inputs: tuple[Tensor, ...]) -> None:
+    """Forward-mode differentiation would take the image for a constant."""
+    if any(forward_ad.unpack_dual(tensor).tangent is not None for tensor in inputs):
+        raise NotImplementedError(
+            "jade_splat: expected inputs without tangents, found some; jvp() and forward_ad are not supported, call "
+            "backward() or torch.autograd.grad()"
+        )
+
+
 def render(inputs: tuple[Tensor, ...], means2d: Tensor | None, scalars: tuple) -> tuple[Tensor, Tensor, Tensor | None]:
     """Colour, alpha and, if requested, Σ w z of contiguous inputs; colours may be [N, 3] as well as [N, K, 3].
 
     `scalars` are those of the ops up to `interleaved`. The gradient of means2d [C, N, 2] is dL/dmeans2d, in px.
     """
     needs_backward = torch.is_grad_enabled() and any([tensor.requires_grad for tensor in inputs])
-    if needs_backward and not torch.compiler.is_compiling():
+    compiling = torch.compiler.is_compiling()
+    if not compiling and forward_ad._current_level >= 0:
+        _refuse_tangents(inputs)
+    if needs_backward and not compiling:
         return _Render.apply(*inputs, means2d, scalars)
     if inputs[_COLORS].dim() == 2:
         inputs = (*inputs[:_COLORS], inputs[_COLORS].unsqueeze(1), *inputs[_COLORS + 1 :])
