@@ -10,8 +10,10 @@ import os
 import subprocess
 import sys
 import unittest
+import warnings
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
@@ -147,6 +149,13 @@ class AgainstReference(unittest.TestCase):
             for b, scene in enumerate(scenes):
                 alone, _, _ = rasterization(**scene, width=WIDTH, height=HEIGHT)
                 self.assertTrue(torch.equal(image[b, 0], alone))
+
+    def test_batches_without_gaussians(self):
+        scene = make_scene(count=0, per_view=True)
+        batch = {name: t[None] for name, t in scene.items()}
+        image, _, meta = rasterization(**batch, width=WIDTH, height=HEIGHT, render_mode="RGB+D")
+        self.assertTrue(torch.equal(image[0, ..., :3], scene["backgrounds"][:, None, None].expand(-1, HEIGHT, WIDTH, -1)))
+        self.assertEqual(meta["radii"].shape, (0, 2))
 
     def test_planes_cull(self):
         scene = make_scene()
@@ -485,6 +494,18 @@ class BadInput(unittest.TestCase):
         self.expect(TypeError, "32.5", width=32.5)
         self.expect(TypeError, "sh_degree", make_scene(count=4, coefficients=16), sh_degree=1.5)
         self.expect(ValueError, "near_plane", near_plane=2.0, far_plane=1.0)
+        self.expect(TypeError, "far_plane", far_plane=None)
+        self.expect(ValueError, "batch", {name: t[None][:0] for name, t in make_scene(count=4).items()})
+
+    def test_types_of_numbers(self):
+        """Whole numbers of any type; never rounded."""
+        expected, _, _ = rasterization(**make_scene(count=4), width=WIDTH, height=HEIGHT)
+        for kind in (np.int64, torch.tensor):
+            found, _, meta = rasterization(**make_scene(count=4), width=kind(WIDTH), height=kind(HEIGHT))
+            self.assertTrue(torch.equal(found, expected))
+            self.assertEqual(meta["tile_width"], 3)
+        for wrong in (torch.tensor(37.5), np.float32(37), [37], "37", None):
+            self.expect(TypeError, "height: expected an integer", height=wrong)
 
     def test_shapes(self):
         for name in (*NAMES, "Ks"):

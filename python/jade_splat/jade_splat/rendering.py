@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from typing import Any
 
 import torch
@@ -62,8 +63,9 @@ def splat(
     tensors = (means, quats, log_scales, logit_opacities, sh, viewmats, intrinsics)
     _check_tensors(_SPLAT_NAMES, tensors)
     _refuse_gradient("intrinsics", intrinsics)
-    _check_size(width, height)
-    _check_degree(sh_degree)
+    width, height = _size(width, height)
+    sh_degree = _degree(sh_degree)
+    near_plane = _number("near_plane", near_plane)
     count = _count(means)
     if len(count) != 1:
         raise ValueError(f"means: expected shape (N, 3), found {tuple(means.shape)}")
@@ -168,7 +170,10 @@ def rasterization(
     tensors = (*gaussians, colors, viewmats, Ks)
     _check_tensors(_NAMES, tensors if backgrounds is None else (*tensors, backgrounds))
     _refuse_gradient("Ks", Ks)
-    batch, views = _check_shapes(*gaussians, colors, viewmats, Ks, width, height, sh_degree)
+    width, height = _size(width, height)
+    sh_degree = None if sh_degree is None else _degree(sh_degree)
+    near_plane, far_plane = _number("near_plane", near_plane), _number("far_plane", far_plane)
+    batch, views = _check_shapes(*gaussians, colors, viewmats, Ks, sh_degree)
     channels = 3 if sh_degree is not None else colors.shape[-1]
     if backgrounds is not None:
         _expect("backgrounds", backgrounds, (*batch, views, channels))
@@ -187,7 +192,7 @@ def rasterization(
     if not batch:
         pixels, alpha, depth_sum = _render_scene(tensors, sh_degree, render_mode, *scalars)
     else:
-        flat = [None if t is None else t.reshape(-1, *t.shape[len(batch):]) for t in tensors]
+        flat = [None if t is None else t.flatten(0, len(batch) - 1) for t in tensors]
         scenes = [
             _render_scene(tuple(None if t is None else t[b] for t in flat), sh_degree, render_mode, *scalars)
             for b in range(math.prod(batch))
@@ -273,19 +278,39 @@ def _refuse_gradient(name: str, tensor: Tensor) -> None:
         raise NotImplementedError(f"{name}: gradients of intrinsics are not supported; pass {name}.detach()")
 
 
-def _check_size(width: int, height: int) -> None:
-    for size in (width, height):
-        if isinstance(size, (float, str, type(None))):
-            raise TypeError(f"width, height: expected integers, found {width!r} and {height!r}")
+def _size(width: Any, height: Any) -> tuple[int, int]:
+    width, height = _integer("width", width), _integer("height", height)
     if not (0 < width < 32768 and 0 < height < 32768):
         raise ValueError(f"width, height: expected 1 to 32767 px, found {width} and {height}")
+    return width, height
 
 
-def _check_degree(sh_degree: int) -> None:
-    if isinstance(sh_degree, (float, str, type(None))):
-        raise TypeError(f"sh_degree: expected an integer, found {sh_degree!r}")
+def _degree(sh_degree: Any) -> int:
+    sh_degree = _integer("sh_degree", sh_degree)
     if not 0 <= sh_degree <= 3:
         raise ValueError(f"sh_degree: expected 0 to 3, found {sh_degree}")
+    return sh_degree
+
+
+def _integer(name: str, value: Any) -> int:
+    """Integers of any type, such as NumPy's and tensors of one element. Rejects floats, even whole ones."""
+    if isinstance(value, int):
+        return value
+    try:
+        return operator.index(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name}: expected an integer, found {value!r}") from None
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, (int, float)):
+        return value
+    try:
+        if isinstance(value, str):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError, RuntimeError):
+        raise TypeError(f"{name}: expected a number, found {value!r}") from None
 
 
 def _count(means: Tensor) -> tuple[int, ...]:
@@ -336,11 +361,12 @@ def _expect(name: str, tensor: Tensor, shape: tuple[int, ...]) -> None:
 
 def _check_shapes(
     means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor, viewmats: Tensor, Ks: Tensor,
-    width: int, height: int, sh_degree: int | None,
+    sh_degree: int | None,
 ) -> tuple[tuple[int, ...], int]:
     """Returns the batch's shape and the number of views."""
-    _check_size(width, height)
     *batch, count = _count(means)
+    if 0 in batch:
+        raise ValueError(f"means: expected at least one scene in the batch, found shape {tuple(means.shape)}")
     views = _views(viewmats)
     _expect("quats", quats, (*batch, count, 4))
     _expect("scales", scales, (*batch, count, 3))
@@ -350,7 +376,6 @@ def _check_shapes(
     tail = 1
     if sh_degree is not None:
         tail = 2
-        _check_degree(sh_degree)
         if colors.dim() < 2 or colors.shape[-1] != 3 or colors.shape[-2] < (sh_degree + 1) ** 2:
             raise ValueError(
                 f"colors: expected (..., K, 3) with K of at least {(sh_degree + 1) ** 2}, found {tuple(colors.shape)}"
