@@ -431,6 +431,34 @@ class Meta(unittest.TestCase):
         self.assertGreater((~drawn).sum(), 0)
 
 
+    def test_autocast_does_not_round(self):
+        scene = make_scene(dtype=torch.float32)
+        _, _, expected = rasterization(**scene, width=WIDTH, height=HEIGHT, packed=False)
+        with torch.autocast("cpu", dtype=torch.bfloat16):
+            image, _, meta = rasterization(**scene, width=WIDTH, height=HEIGHT, packed=False)
+            for name in ("means2d", "radii", "depths", "conics", "opacities"):
+                self.assertTrue(torch.equal(meta[name], expected[name]), name)
+        self.assertEqual(image.dtype, torch.float32)
+
+    def test_values_of_changed_gaussians_are_reported(self):
+        for read_first in (False, True):
+            scene = with_gradients(make_scene())
+            _, _, meta = rasterization(**scene, width=WIDTH, height=HEIGHT)
+            if read_first:
+                meta["means2d"]
+            with torch.no_grad():
+                scene["means"] += 1
+            with warnings.catch_warnings(record=True) as seen:
+                warnings.simplefilter("always")
+                meta["radii"]
+            self.assertEqual(["before optimizer.step()" in str(w.message) for w in seen], [True] * (not read_first))
+
+    def test_in_inference_mode(self):
+        with torch.inference_mode():
+            _, _, meta = rasterization(**make_scene(), width=WIDTH, height=HEIGHT)
+            self.assertGreater(len(meta["gaussian_ids"]), 0)
+
+
 class Compiled(unittest.TestCase):
     def test_opcheck(self):
         for device, dtype in DEVICES:

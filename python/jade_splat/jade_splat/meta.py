@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, MutableMapping
 from typing import Any, NamedTuple
 
@@ -76,6 +77,11 @@ def project(means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, cam
     }
 
 
+def _versions(tensors: tuple[Tensor, ...]) -> list[int]:
+    """How often each tensor was changed in place; tensors of inference mode do not count that."""
+    return [0 if tensor.is_inference() else tensor._version for tensor in tensors]
+
+
 class Meta(MutableMapping):
     """A dictionary whose screen quantities are computed on first access.
 
@@ -91,6 +97,8 @@ class Meta(MutableMapping):
         self._gaussians, self._cameras = gaussians, cameras
         self._means2d = means2d  # the leaf of the op's graph
         self._packed = packed
+        self._inputs = (*gaussians, cameras.viewmats, cameras.Ks)
+        self._rendered = _versions(self._inputs)
         self._pending = set(self._SCREEN)
 
     def __getitem__(self, key: str) -> Any:
@@ -115,7 +123,14 @@ class Meta(MutableMapping):
         return len(self._values) + len(self._pending)
 
     def _compute(self) -> None:
-        screen: dict[str, Any] = project(*self._gaussians, self._cameras)
+        if _versions(self._inputs) != self._rendered:
+            warnings.warn(
+                "jade_splat: expected meta to be read before the Gaussians or cameras change in place, found them "
+                "changed, so its values are not those of the image; read meta['means2d'] before optimizer.step()",
+                stacklevel=3,
+            )
+        with torch.autocast(self._gaussians[0].device.type, enabled=False):
+            screen: dict[str, Any] = project(*self._gaussians, self._cameras)
         leaf = self._means2d
         if leaf is not None:
             # The graph's own tensor had no values until now: the op reads only whether it requires a gradient.
