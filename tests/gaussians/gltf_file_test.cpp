@@ -113,7 +113,35 @@ TEST_CASE("gltf: nodes move their Gaussians", "[gaussians]") {
   fixture.document["nodes"][1]["matrix"][0] = 1;
   CHECK_THROWS_WITH(fixture.read(), Catch::Contains("stretches"));
   fixture.document["nodes"][0]["children"] = {0};
+  CHECK_THROWS_WITH(fixture.read(), Catch::Contains("node 0 in two places"));
+}
+
+TEST_CASE("gltf: shared and deep nodes end at once", "[gaussians]") {
+  GltfFixture fixture;
+  const auto chain = [&](int length, int copies) {
+    json nodes = json::array();
+    for (int i = 1; i < length; ++i) nodes.push_back({{"children", std::vector<int>(copies, i)}});
+    nodes.push_back({{"mesh", 0}});
+    fixture.document["nodes"] = nodes;
+  };
+  chain(10, 1);
+  CHECK(fixture.read().size() == 30);
+  chain(40, 2);  // 2^39 paths
+  CHECK_THROWS_WITH(fixture.read(), Catch::Contains("node 39 in two places"));
+  chain(1000, 1);
   CHECK_THROWS_WITH(fixture.read(), Catch::Contains("nested without end"));
+}
+
+TEST_CASE("gltf: the name of a buffer's file may have escapes", "[gaussians]") {
+  GltfFixture fixture;
+  std::filesystem::rename(fixture.dir / "a.bin", fixture.dir / "my scène 100%.bin");
+  for (const char* const uri : {"my%20sc%C3%A8ne%20100%25.bin", "my scène 100%.bin"}) {
+    INFO(uri);
+    fixture.document["buffers"][0]["uri"] = uri;
+    CHECK(fixture.read().size() == 30);
+  }
+  fixture.document["buffers"][0]["uri"] = "no%20scene.bin";
+  CHECK_THROWS_WITH(fixture.read(), test::naming("a.gltf", "no scene.bin", "copy"));
 }
 
 TEST_CASE("gltf: two nodes with one mesh are twice as many Gaussians", "[gaussians]") {
@@ -121,6 +149,26 @@ TEST_CASE("gltf: two nodes with one mesh are twice as many Gaussians", "[gaussia
   fixture.document["nodes"].push_back({{"mesh", 0}});
   fixture.document["scenes"][0]["nodes"] = {0, 1};
   CHECK(fixture.read().size() == 60);
+}
+
+TEST_CASE("gltf: only the first buffer of a .glb is its binary part", "[gaussians]") {
+  const GltfFixture fixture;
+  std::string content = read_file(fixture.dir / "a.glb");
+  const std::string view = R"("buffer":0)";
+  const size_t at = content.find(view);
+  REQUIRE(at != std::string::npos);
+  content.replace(at, view.size(), R"("buffer":1)");
+  const std::string buffers = R"("buffers":[{)";
+  const size_t list = content.find(buffers);
+  REQUIRE(list != std::string::npos);
+  // The spaces behind the JSON make room for a second buffer.
+  const std::string added = R"("buffers":[{},{)";
+  content.replace(list, buffers.size(), added);
+  const size_t size = u32_at(content, 12) + added.size() - buffers.size();
+  content[12] = static_cast<char>(size & 255u);
+  content[13] = static_cast<char>(size >> 8 & 255u);
+  write_file(fixture.dir / "b.glb", content);
+  CHECK_THROWS_WITH(read_gltf(fixture.dir / "b.glb"), Catch::Contains("buffer 1 without data"));
 }
 
 TEST_CASE("gltf: what is not read is named", "[gaussians]") {
@@ -165,6 +213,24 @@ TEST_CASE("gltf: what is not read is named", "[gaussians]") {
              Catch::Contains("beyond the end"));
   CHECK_THAT(told([](json& d) { d["buffers"][0]["uri"] = "data:text"; }), Catch::Contains(".glb"));
   CHECK_THAT(told([](json& d) { d["accessors"] = "none"; }), Catch::Contains("missing"));
+  for (const char* const name : {"matrix", "translation", "rotation", "scale"}) {
+    CHECK_THAT(told([&](json& d) { d["nodes"][0][name] = {1, 2}; }), test::naming(name, "2"));
+  }
+  CHECK_THAT(told([](json& d) {
+               d["nodes"][0]["rotation"] = {0, 0, 0, 0};
+             }),
+             Catch::Contains("zero quaternion"));
+  for (const char* const coefficient : {"1_COEF_0", "1_COEF_2", "2_COEF_4"}) {
+    const std::string name = std::string("KHR_gaussian_splatting:SH_DEGREE_") + coefficient;
+    CHECK_THAT(told([&](json& d) { primitive(d)["attributes"].erase(name); }),
+               Catch::Contains("no attribute " + name));
+  }
+  CHECK_THAT(told([](json& d) {
+               d["extensionsRequired"] = {"KHR_gaussian_splatting", "EXT_meshopt_compression"};
+             }),
+             Catch::Contains("EXT_meshopt_compression"));
+  CHECK_THAT(told([](json& d) { d["buffers"][0].erase("uri"); }),
+             Catch::Contains("buffer 0 without data"));
 }
 
 }  // namespace

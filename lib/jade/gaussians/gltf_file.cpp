@@ -3,10 +3,13 @@
 #include "jade/gaussians/gltf_file.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string>
 #include <string_view>
 #include <tuple>
@@ -26,6 +29,7 @@ namespace {
 using nlohmann::json;
 
 const char* const kExtension = "KHR_gaussian_splatting";
+const char* const kQuantization = "KHR_mesh_quantization";  ///< only permits more number types
 /// The only colour space that is read. Between two spaces colours convert, but not their SH.
 const char* const kColorSpace = "srgb_rec709_display";
 constexpr uint64_t kMark = 0x46546c67;         ///< "glTF"
@@ -84,40 +88,36 @@ void put_chunk(std::string& out, uint64_t kind, std::string content, char filler
 // --- reading
 // ---------------------------------------------------------------------------------------
 
-/// A 4x4 matrix, float64.
-torch::Tensor matrix_of(const json& node) {
-  if (const auto found = node.find("matrix"); found != node.end()) {
-    const auto columns = found->get<std::vector<double>>();
-    return torch::tensor(columns, torch::kFloat64).reshape({4, 4}).t().contiguous();
-  }
-  const auto list = [&](const char* name, std::vector<double> usual) {
-    return node.value(name, std::move(usual));
-  };
-  const auto shift = list("translation", {0, 0, 0}), scale = list("scale", {1, 1, 1});
-  const auto q = list("rotation", {0, 0, 0, 1});
-  const geometry::Matrix3 r =
-      geometry::rotation_from_quaternion({q.at(3), q.at(0), q.at(1), q.at(2)});
-  torch::Tensor out = torch::eye(4, torch::kFloat64);
-  for (size_t i = 0; i < 3; ++i) {
-    const auto row = static_cast<int64_t>(i);
-    for (size_t j = 0; j < 3; ++j) out[row][static_cast<int64_t>(j)] = r[3 * i + j] * scale.at(j);
-    out[row][3] = shift.at(i);
-  }
-  return out;
-}
-
 struct ComponentType {
   size_t size;
   torch::ScalarType type;
   double full;  ///< the value that represents 1 in normalised numbers
 };
 
+/// A URI with its escapes (%20) replaced by the bytes that they stand for.
+std::string unescaped(const std::string& uri) {
+  std::string out;
+  for (size_t i = 0; i < uri.size(); ++i) {
+    unsigned byte = 0;
+    const char* const digits = uri.data() + i + 1;
+    if (uri[i] == '%' && i + 2 < uri.size() &&
+        std::from_chars(digits, digits + 2, byte, 16).ptr == digits + 2) {
+      out += static_cast<char>(byte);
+      i += 2;
+    } else {
+      out += uri[i];
+    }
+  }
+  return out;
+}
+
 /// A document and its buffers.
 class Document {
  public:
   explicit Document(const std::filesystem::path& path) : path_(path), content_(read_file(path)) {
     std::string_view text = content_;
-    if (text.size() >= kGlbHeader && unsigned_at(text, 0, 4) == kMark) {
+    is_binary_ = text.size() >= kGlbHeader && unsigned_at(text, 0, 4) == kMark;
+    if (is_binary_) {
       text = chunk(kJsonChunk);
       if (text.empty()) throw damaged("no JSON in it");
     }
@@ -202,20 +202,45 @@ class Document {
   std::string_view buffer_of(size_t index) {
     const json& buffer = json_.at("buffers").at(index);
     const std::string uri = buffer.value("uri", std::string());
-    if (uri.empty()) return chunk(kBinaryChunk);
+    if (uri.empty()) {
+      // Only the first buffer of a .glb is its binary part.
+      if (index > 0 || !is_binary_) throw damaged(concat("buffer ", index, " without data"));
+      return chunk(kBinaryChunk);
+    }
     if (uri.rfind("data:", 0) == 0) {
       throw damaged("a buffer written as text, which is not read; write a .glb");
     }
     auto [at, added] = files_.try_emplace(uri);
-    if (added) at->second = read_file(path_.parent_path() / uri);
+    if (added) at->second = read_file(file_of(uri));
     return at->second;
+  }
+
+  /// The file of a buffer. Some programs write its name without the escapes of a URI.
+  std::filesystem::path file_of(const std::string& uri) const {
+    for (const std::string& name : {unescaped(uri), uri}) {
+      const std::filesystem::path file = path_.parent_path() / name;
+      if (std::filesystem::is_regular_file(file)) return file;
+    }
+    throw DataError(concat(path_.string(), ": expected the file ", unescaped(uri),
+                           " beside it, found none; copy that file too, or write a .glb"));
   }
 
   std::filesystem::path path_;
   std::string content_;
+  bool is_binary_ = false;  ///< a .glb
   json json_;
   std::map<std::string, std::string> files_;
 };
+
+/// The highest SH degree of which there is any coefficient. All of a lower degree are required.
+int degree_of(const json& attributes) {
+  for (int degree = kMostDegree; degree > 0; --degree) {
+    for (int i = 0; i <= 2 * degree; ++i) {
+      if (attributes.contains(sh_attribute(degree, i))) return degree;
+    }
+  }
+  return 0;
+}
 
 /// Gaussians of one primitive, in its node's axes.
 splat::Gaussians gaussians_of(Document& document, const json& primitive) {
@@ -243,8 +268,7 @@ splat::Gaussians gaussians_of(Document& document, const json& primitive) {
   out.logit_opacities =
       torch::logit(document.read(attributes, attribute("OPACITY"), 1).squeeze(1).clamp(0, 1));
   std::vector<torch::Tensor> sh;
-  for (int degree = 0; degree <= kMostDegree; ++degree) {
-    if (degree > 0 && !attributes.contains(sh_attribute(degree, 0))) break;
+  for (int degree = 0; degree <= degree_of(attributes); ++degree) {
     for (int i = 0; i <= 2 * degree; ++i) {
       sh.push_back(document.read(attributes, sh_attribute(degree, i), 3));
     }
@@ -275,21 +299,73 @@ splat::Gaussians placed(const Document& document, const splat::Gaussians& gaussi
   return moved(gaussians, rotation, scale, matrix.slice(0, 0, 3).select(1, 3));
 }
 
-/// Adds the Gaussians of a node and of its descendants.
-void collect(Document& document, size_t index, const torch::Tensor& parent, int depth,
-             std::vector<splat::Gaussians>& out) {
-  if (depth > kMostNesting) throw document.damaged("nodes nested without end");
-  const json& root = document.root();
-  const json& node = root.at("nodes").at(index);
-  const torch::Tensor matrix = parent.mm(matrix_of(node));
-  if (const auto mesh = node.find("mesh"); mesh != node.end()) {
-    for (const json& primitive : root.at("meshes").at(mesh->get<size_t>()).at("primitives")) {
-      if (!primitive.value("extensions", json::object()).contains(kExtension)) continue;
-      out.push_back(placed(document, gaussians_of(document, primitive), matrix));
+/// A node's matrix [4,4], float64.
+torch::Tensor matrix_of(const Document& document, const json& node) {
+  const auto list = [&](const char* name, std::vector<double> usual) {
+    const size_t expected = usual.size();
+    std::vector<double> found = node.value(name, std::move(usual));
+    if (found.size() == expected) return found;
+    throw document.damaged(
+        concat("a node whose ", name, " has ", found.size(), " numbers, not ", expected));
+  };
+  if (node.contains("matrix")) {
+    const auto columns = list("matrix", std::vector<double>(16));
+    return torch::tensor(columns, torch::kFloat64).reshape({4, 4}).t().contiguous();
+  }
+  const auto shift = list("translation", {0, 0, 0}), scale = list("scale", {1, 1, 1});
+  const auto q = list("rotation", {0, 0, 0, 1});
+  const double norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+  if (!(norm2 > 0) || !std::isfinite(norm2)) {
+    throw document.damaged("a node whose rotation is the zero quaternion or without bounds");
+  }
+  const geometry::Matrix3 r = geometry::rotation_from_quaternion({q[3], q[0], q[1], q[2]});
+  torch::Tensor out = torch::eye(4, torch::kFloat64);
+  for (size_t i = 0; i < 3; ++i) {
+    const auto row = static_cast<int64_t>(i);
+    for (size_t j = 0; j < 3; ++j) out[row][static_cast<int64_t>(j)] = r[3 * i + j] * scale[j];
+    out[row][3] = shift[i];
+  }
+  return out;
+}
+
+/// The Gaussians of a scene's nodes.
+class Collector {
+ public:
+  explicit Collector(Document& document) : document_(document) {}
+
+  /// Adds the Gaussians of a node and of its descendants.
+  void collect(size_t index, const torch::Tensor& parent, int depth) {
+    if (depth > kMostNesting) throw document_.damaged("nodes nested without end");
+    if (!visited_.insert(index).second) {
+      throw document_.damaged(concat("node ", index, " in two places of its tree of nodes"));
+    }
+    const json& root = document_.root();
+    const json& node = root.at("nodes").at(index);
+    const torch::Tensor matrix = parent.mm(matrix_of(document_, node));
+    if (const auto mesh = node.find("mesh"); mesh != node.end()) {
+      for (const json& primitive : root.at("meshes").at(mesh->get<size_t>()).at("primitives")) {
+        if (!primitive.value("extensions", json::object()).contains(kExtension)) continue;
+        parts_.push_back(placed(document_, gaussians_of(document_, primitive), matrix));
+      }
+    }
+    for (const json& child : node.value("children", json::array())) {
+      collect(child.get<size_t>(), matrix, depth + 1);
     }
   }
-  for (const json& child : node.value("children", json::array())) {
-    collect(document, child.get<size_t>(), matrix, depth + 1, out);
+  const std::vector<splat::Gaussians>& parts() const { return parts_; }
+
+ private:
+  Document& document_;
+  std::set<size_t> visited_;
+  std::vector<splat::Gaussians> parts_;
+};
+
+/// @throws DataError for an extension without which the document must not be read.
+void check_required(const Document& document) {
+  for (const json& name : document.root().value("extensionsRequired", json::array())) {
+    if (name == kExtension || name == kQuantization) continue;
+    throw document.damaged(concat("the required extension ", name.get<std::string>(),
+                                  ", which is not read; write it without"));
   }
 }
 
@@ -360,19 +436,20 @@ void write_glb(const std::filesystem::path& path, const GaussianFile& file) {
 
 GaussianFile read_gltf(const std::filesystem::path& path) {
   Document document(path);
-  std::vector<splat::Gaussians> parts;
+  Collector collector(document);
   try {
+    check_required(document);
     const json& root = document.root();
     const json& scene = root.at("scenes").at(root.value("scene", size_t(0)));
     for (const json& node : scene.value("nodes", json::array())) {
-      collect(document, node.get<size_t>(), torch::eye(4, torch::kFloat64), 0, parts);
+      collector.collect(node.get<size_t>(), torch::eye(4, torch::kFloat64), 0);
     }
   } catch (const json::exception&) {
     throw document.damaged("parts that are missing or of another type");
   }
-  if (parts.empty()) throw document.damaged("no Gaussians");
+  if (collector.parts().empty()) throw document.damaged("no Gaussians");
   GaussianFile file;
-  file.gaussians = half_turn(joined_parts(parts));
+  file.gaussians = half_turn(joined_parts(collector.parts()));
   make_finite(file.gaussians);
   return file;
 }
