@@ -34,6 +34,9 @@ OpenZip open_zip(const std::filesystem::path& path, const ZipWords& words) {
 void for_each_part(zip_t* archive, const std::string& name, const std::string& label,
                    const std::function<void(const char*, size_t)>& take) {
   const OpenZipEntry entry(zip_fopen(archive, name.c_str(), 0));
+  if (!entry && zip_error_code_zip(zip_get_error(archive)) == ZIP_ER_NOENT) {
+    throw DataError(concat(label, ": missing in the archive; copy the file again"));
+  }
   if (!entry) throw DataError(concat(label, ": damaged entry; copy the file again"));
   std::vector<char> part(1 << 20);
   for (;;) {
