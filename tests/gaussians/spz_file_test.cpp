@@ -183,6 +183,26 @@ TEST_CASE("spz file: SH beyond degree 3 are noted", "[gaussians]") {
   CHECK_THAT(notes[0], test::naming("a.spz", "degree", "4"));
 }
 
+TEST_CASE("spz file: bytes behind the Gaussians are noted", "[gaussians]") {
+  SpzOptions options;
+  for (options.version = 2; options.version <= 4; ++options.version) {
+    const std::string written = encode_spz(random_gaussians(3, 4), options);
+    const bool packed = options.version < 4;
+    const std::string content = packed ? io::gunzip(written, "") : written;
+    const auto notes_of = [&](const std::string& more, char flags) {
+      std::string changed = content + more;
+      changed[14] = flags;
+      std::vector<std::string> notes;
+      parse_spz(packed ? io::gzip(changed) : changed, "a.spz", notes);
+      return notes;
+    };
+    CHECK(notes_of("", 0).empty());
+    CHECK(notes_of("more", 2).empty());  // an extension's data
+    REQUIRE(notes_of("more", 0).size() == 1);
+    CHECK_THAT(notes_of("more", 0)[0], test::naming("a.spz", "3 Gaussians", "4 bytes"));
+  }
+}
+
 TEST_CASE("spz file: more bits hold the SH finer, in the same bytes", "[gaussians]") {
   splat::Gaussians g = random_gaussians(50, 16);
   g.sh = 0.3 * torch::randn({50, 16, 3}).clamp(-3, 3);

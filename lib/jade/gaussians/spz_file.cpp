@@ -12,6 +12,7 @@
 #include <string>
 #include <string_view>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "jade/core/atomic_file.h"
@@ -49,6 +50,7 @@ struct Header {
   int degree = 0;  ///< of SH
   int bits = 12;   ///< after the binary point of positions
   bool antialiased = false;
+  bool extended = false;  ///< may have more data behind the arrays
 };
 
 /// Bytes of each array.
@@ -146,7 +148,9 @@ Header header_of(std::string_view bytes, const std::string& name) {
   header.count = unsigned_at(bytes, 8, 4);
   header.degree = static_cast<int>(unsigned_at(bytes, 12, 1));
   header.bits = static_cast<int>(unsigned_at(bytes, 13, 1));
-  header.antialiased = (unsigned_at(bytes, 14, 1) & kAntialiased) != 0;
+  const uint64_t flags = unsigned_at(bytes, 14, 1);
+  header.antialiased = (flags & kAntialiased) != 0;
+  header.extended = flags > kAntialiased;
   if (header.degree > kMostDegree || header.bits > kMostBits) {
     throw DataError(concat(name, ": expected SH degree 0 to 4 and positions with up to 24 bits ",
                            "after the binary point, found ", header.degree, " and ", header.bits,
@@ -160,8 +164,14 @@ DataError cut_short(const std::string& name, uint64_t expected, uint64_t found) 
                           "found ", found, "; copy the file again"));
 }
 
+/// Arrays, and the number of bytes behind them.
+struct Content {
+  Streams streams;
+  uint64_t rest = 0;
+};
+
 /// Splits the content of versions 2 and 3 into arrays.
-Streams cut(std::string_view content, const Header& header, const std::string& name) {
+Content cut(std::string_view content, const Header& header, const std::string& name) {
   Streams streams;
   size_t at = kHeader;
   const auto sizes = sizes_of(header);
@@ -172,11 +182,11 @@ Streams cut(std::string_view content, const Header& header, const std::string& n
     streams[i] = content.substr(at, sizes[i]);
     at += sizes[i];
   }
-  return streams;
+  return {std::move(streams), content.size() - all};
 }
 
 /// Unpacks the arrays of version 4; an empty array has no stream.
-Streams unpack_streams(std::string_view bytes, const Header& header, const std::string& name) {
+Content unpack_streams(std::string_view bytes, const Header& header, const std::string& name) {
   if (bytes.size() < kHeader4) throw cut_short(name, kHeader4, bytes.size());
   const uint64_t count = unsigned_at(bytes, 15, 1), table = unsigned_at(bytes, 16, 4);
   const auto sizes = sizes_of(header);
@@ -202,7 +212,7 @@ Streams unpack_streams(std::string_view bytes, const Header& header, const std::
     streams[i] = io::unzstd(bytes.substr(at, packed), whole, name);
     at += packed;
   }
-  return streams;
+  return {std::move(streams), bytes.size() - at};
 }
 
 /// Warn if the step of positions exceeds these shares of the median distance from the middle and
@@ -333,15 +343,20 @@ GaussianFile parse_spz(const std::string& bytes, const std::string& name,
   const bool packed = io::is_gzip(bytes);
   const std::string content = packed ? io::gunzip(bytes, name) : bytes;
   const Header header = header_of(content, name);
-  const Streams streams =
+  const Content found =
       header.version == 4 ? unpack_streams(content, header, name) : cut(content, header, name);
   GaussianFile file;
-  file.gaussians = decoded(streams, header);
+  file.gaussians = decoded(found.streams, header);
   file.antialiased = header.antialiased;
   make_finite(file.gaussians);
   if (header.degree > kReadDegree) {
     notes.push_back(concat(name, ": expected SH degree 0 to ", kReadDegree, ", found ",
                            header.degree, "; coefficients of higher degrees are left out"));
+  }
+  if (found.rest > 0 && !header.extended) {
+    notes.push_back(concat(name, ": expected ", header.count,
+                           " Gaussians as its header says, found ", found.rest,
+                           " bytes behind them, which are not read; export the file ", "again"));
   }
   return file;
 }
