@@ -169,6 +169,16 @@ TEST_CASE("ply: f_rest is channel-major, red first", "[gaussians]") {
   CHECK(rest[3] == g.sh[0][1][1].item<float>());
 }
 
+TEST_CASE("ply: a missing coefficient is named, and does not lower the SH degree", "[gaussians]") {
+  const test::TempDir folder;
+  write_ply(folder / "a.ply", {random_gaussians(3, 16)});
+  std::string content = read_file(folder / "a.ply");
+  const std::string name = "f_rest_9\n";
+  content.replace(content.find(name), name.size(), "unknown9\n");
+  write_file(folder / "b.ply", content);
+  CHECK_THAT(message_of(folder / "b.ply"), test::naming("b.ply", "found 44"));
+}
+
 TEST_CASE("ply: any property order, type, byte order and ascii give the same Gaussians",
           "[gaussians]") {
   const test::TempDir folder;

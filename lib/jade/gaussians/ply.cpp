@@ -45,8 +45,10 @@ std::vector<std::string> rest_names(int64_t count) {
 
 /// Number of f_rest properties: 0, 9, 24 or 45.
 int64_t count_rest(const PlyFile& file, const std::filesystem::path& path) {
-  int64_t count = 0;
-  while (file.vertices().find(concat("f_rest_", count)) >= 0) ++count;
+  const auto& properties = file.vertices().properties;
+  const int64_t count =
+      std::count_if(properties.begin(), properties.end(),
+                    [](const PlyProperty& p) { return p.name.rfind("f_rest_", 0) == 0; });
   if (count != 0 && count != 9 && count != 24 && count != 45) {
     throw DataError(concat(path.string(), ": expected 0, 9, 24 or 45 f_rest properties (SH degree ",
                            "0 to 3), found ", count,
