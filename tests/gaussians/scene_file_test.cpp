@@ -8,6 +8,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/spatial_order.h"
 #include "random_gaussians.h"
@@ -104,14 +105,23 @@ TEST_CASE("scene file: every format that is written is read within its steps", "
   }
 }
 
-TEST_CASE("scene file: the flag of antialiased scenes is kept where a format has one",
+TEST_CASE("scene file: the flag of antialiased scenes is kept, or its loss is reported",
           "[gaussians]") {
   const test::TempDir dir;
   const splat::Gaussians g = test::random_gaussians(10, 4);
   for (const bool antialiased : {false, true}) {
-    for (const char* const name : {"a.ply", "a.spz", "a.sog"}) {
+    for (const char* const name : {"a.ply", "a.compressed.ply", "a.spz", "a.sog"}) {
+      INFO(name);
       write_scene_file(dir / name, {g, antialiased});
       CHECK(read_gaussians(dir / name).antialiased == antialiased);
+    }
+    for (const char* const name : {"a.glb", "a.splat"}) {
+      INFO(name);
+      set_log_file(dir / "said.log");
+      write_scene_file(dir / name, {g, antialiased});
+      set_log_file({});
+      const bool warned = read_file(dir / "said.log").find("antialiased") != std::string::npos;
+      CHECK(warned == antialiased);
     }
   }
 }

@@ -27,7 +27,6 @@
 namespace jade::gaussians {
 namespace {
 
-const char* const kRenderMode = "SplatRenderMode: ";
 const char* const kOrigin = "origin";
 
 /// The attributes without f_rest, in the order of a standard file.
@@ -280,14 +279,6 @@ splat::Gaussians read_attributes(const PlyFile& file, std::vector<std::string>& 
   return g;
 }
 
-bool says_mip(const PlyFile& file) {
-  for (const std::string& comment : file.header().comments) {
-    const size_t at = comment.find(kRenderMode);
-    if (at != std::string::npos) return comment.find("mip", at) != std::string::npos;
-  }
-  return false;
-}
-
 /// The origin in the header.
 geometry::Vector3 said_origin(const PlyFile& file) {
   for (const std::string& comment : file.header().comments) {
@@ -325,8 +316,8 @@ Places places_of(const PlyFile& file, const torch::Tensor& xyz) {
 std::string header_text(const GaussianFile& file, PlyCoordinates coordinates) {
   const splat::Gaussians& gaussians = file.gaussians;
   const bool moved = !geometry::is_zero(file.origin);
-  std::string text = concat("ply\nformat binary_little_endian 1.0\ncomment ", kRenderMode,
-                            file.antialiased ? "mip" : "default", "\n");
+  std::string text =
+      concat("ply\nformat binary_little_endian 1.0\n", render_mode_line(file.antialiased));
   if (moved && coordinates == PlyCoordinates::kOwn) {
     text += concat("comment ", kOrigin, " ", geometry::text_of(file.origin), "\n");
   }
@@ -360,7 +351,7 @@ PlyScene read_scene(const std::filesystem::path& path) {
   PlyScene result;
   result.kind = kind_of(file);
   check_attributes(file, result.kind);
-  result.file.antialiased = says_mip(file);
+  result.file.antialiased = file.says_antialiased();
   splat::Gaussians& gaussians = result.file.gaussians;
   gaussians = result.kind == PlyKind::kPacked ? unpack(file) : read_attributes(file, result.notes);
   if (const std::string more = file.trailing_warning(); !more.empty()) {

@@ -16,6 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+const char* const kRenderMode = "SplatRenderMode: ";
+
 [[noreturn]] void fail(const fs::path& path, const std::string& what) {
   throw DataError(concat(path.string(), ": ", what));
 }
@@ -205,6 +207,10 @@ std::string_view skip_lines(std::string_view data, const PlyElement& element,
 
 }  // namespace
 
+std::string render_mode_line(bool antialiased) {
+  return concat("comment ", kRenderMode, antialiased ? "mip" : "default", "\n");
+}
+
 int64_t PlyElement::find(const std::string& property) const {
   for (size_t i = 0; i < properties.size(); ++i) {
     if (properties[i].name == property) return static_cast<int64_t>(i);
@@ -221,6 +227,14 @@ PlyFile::PlyFile(const fs::path& path) : path_(path), content_(read_file(path)) 
     fail(path_, "has no 'vertex' element: no point cloud or splat file");
   vertex_ = static_cast<size_t>(vertex - elements.begin());
   if (has_list(*vertex)) fail(path_, "its vertices hold lists, which no point cloud needs");
+}
+
+bool PlyFile::says_antialiased() const {
+  for (const std::string& comment : header_.comments) {
+    const size_t at = comment.find(kRenderMode);
+    if (at != std::string::npos) return comment.find("mip", at) != std::string::npos;
+  }
+  return false;
 }
 
 const PlyElement* PlyFile::element(const std::string& name) const {

@@ -37,6 +37,9 @@ struct PlyHeader {
   size_t size = 0;  ///< bytes before the first element
 };
 
+/// The header line of a file of Gaussians that says whether they are antialiased.
+std::string render_mode_line(bool antialiased);
+
 /// A .ply file in memory.
 class PlyFile {
  public:
@@ -46,6 +49,8 @@ class PlyFile {
   const std::filesystem::path& path() const { return path_; }
   const PlyHeader& header() const { return header_; }
   const PlyElement& vertices() const { return header_.elements[vertex_]; }
+  /// True if the header has render_mode_line(true); the comment may have other words around it.
+  bool says_antialiased() const;
   /// A warning if the file has more bytes than its header announces; else empty.
   std::string trailing_warning() const;
   /// The first element of that name, or nullptr.

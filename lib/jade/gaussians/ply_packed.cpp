@@ -125,9 +125,9 @@ torch::Tensor pack(const torch::Tensor& unit, const std::vector<int64_t>& bits) 
   return packed;
 }
 
-std::string header_text(int64_t count, int64_t rest) {
-  std::string text = concat("ply\nformat binary_little_endian 1.0\nelement chunk ",
-                            (count + kChunkSize - 1) / kChunkSize, "\n");
+std::string header_text(int64_t count, int64_t rest, bool antialiased) {
+  std::string text = concat("ply\nformat binary_little_endian 1.0\n", render_mode_line(antialiased),
+                            "element chunk ", (count + kChunkSize - 1) / kChunkSize, "\n");
   for (const std::string& name : kRanges) text += concat("property float ", name, "\n");
   text += concat("element vertex ", count, "\n");
   for (const std::string& name : kPacked) text += concat("property uint ", name, "\n");
@@ -138,12 +138,12 @@ std::string header_text(int64_t count, int64_t rest) {
 
 }  // namespace
 
-std::string encode_packed_ply(const splat::Gaussians& all) {
+std::string encode_packed_ply(const splat::Gaussians& all, bool antialiased) {
   const torch::Tensor order = spatial_order(all.means);
   const splat::Gaussians gaussians = map_parameters(
       all, [&](const auto& value) { return file_tensor(value).index_select(0, order); });
   const int64_t count = gaussians.size(), rest = 3 * (gaussians.sh.size(1) - 1);
-  std::string out = header_text(count, rest);
+  std::string out = header_text(count, rest, antialiased);
   if (count == 0) return out;
   const Ranged places = ranged(gaussians.means), scales = ranged(gaussians.log_scales);
   const Ranged colors = ranged(gaussians.sh.select(1, 0) * splat::math::kSh0 + 0.5);

@@ -22,6 +22,7 @@ splat::Gaussians unpack(const PlyFile& file);
 /// Encodes Gaussians as the bytes of such a file, sorted along a space-filling curve so that those
 /// of a chunk are near each other: positions and log scales in 11, 10 and 11 bits of their chunk's
 /// range, colours and opacities in 8, rotations in 10 per component, SH in 8 bits from -4 to 4.
-std::string encode_packed_ply(const splat::Gaussians& gaussians);
+/// @param antialiased  as GaussianFile::antialiased
+std::string encode_packed_ply(const splat::Gaussians& gaussians, bool antialiased);
 
 }  // namespace jade::gaussians

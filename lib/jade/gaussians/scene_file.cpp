@@ -168,9 +168,15 @@ bool can_write(const fs::path& path) {
 void write_scene_file(const fs::path& path, const GaussianFile& file, const SceneWriting& writing) {
   JADE_CHECK(can_write(path), "write_scene_file: unknown ending of ", path.string());
   if (is_exact(path)) return write_ply(path, file, writing.coordinates);
-  switch (*kind_of_ending(path)) {
+  const SceneKind kind = *kind_of_ending(path);
+  if (file.antialiased && (kind == SceneKind::kGltf || kind == SceneKind::kSplat)) {
+    log_warn(concat(path.string(), ": this format cannot say that the scene is antialiased ",
+                    "(Mip-Splatting), without which its thin Gaussians look too opaque; write ",
+                    ".ply, .spz or .sog"));
+  }
+  switch (kind) {
     case SceneKind::kPly:
-      return write_file(path, encode_packed_ply(drawable(file.gaussians)));
+      return write_file(path, encode_packed_ply(drawable(file.gaussians), file.antialiased));
     case SceneKind::kSpz: {
       SpzOptions options;
       options.antialiased = file.antialiased;
