@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,7 @@ import torch
 from jade_splat import splat
 from torch import Tensor
 
-PathLike = str | os.PathLike
-
-_TYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
-    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
-    "double": "f8", "float64": "f8",
-}
+from .gaussians import Gaussians, PathLike, load_gaussians
 
 
 @dataclass(frozen=True)
@@ -33,23 +27,6 @@ class Camera:
     cx: float
     cy: float
     camera_from_world: np.ndarray  # [4, 4]; x right, y down, z forward
-
-
-@dataclass(frozen=True)
-class Gaussians:
-    """N Gaussians by their parameters before the activations, as in a 3DGS .ply."""
-
-    means: Tensor  # [N, 3], without `origin`
-    quats: Tensor  # [N, 4], wxyz, of any length
-    log_scales: Tensor  # [N, 3]
-    logit_opacities: Tensor  # [N]
-    sh: Tensor  # [N, K, 3], K = 1, 4, 9 or 16
-    antialiased: bool = False  # how the scene was trained
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the means, in the coordinates of cameras
-
-    def to(self, device: torch.device | str) -> Gaussians:
-        tensors = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(self, **{name: t.to(device) for name, t in tensors.items() if isinstance(t, Tensor)})
 
 
 @dataclass(frozen=True)
@@ -81,38 +58,6 @@ def load_run(folder: PathLike, device: torch.device | str = "cpu") -> Run:
     )
 
 
-def load_gaussians(path: PathLike, device: torch.device | str = "cpu") -> Gaussians:
-    """Reads a binary little-endian .ply with the attributes of 3D Gaussian Splatting, SH degree 0 to 3.
-
-    Raises ValueError naming the file.
-    """
-    data, comments = _vertices(Path(path))
-
-    def columns(*names: str) -> Tensor:
-        missing = [name for name in names if name not in data.dtype.names]
-        if missing:
-            raise ValueError(f"{path}: expected the property {missing[0]} of 3D Gaussians, found none")
-        return torch.from_numpy(np.stack([data[name] for name in names], -1).astype(np.float32)).to(device)
-
-    rest = sum(name.startswith("f_rest_") for name in data.dtype.names)
-    if rest not in (0, 9, 24, 45):
-        raise ValueError(f"{path}: expected 0, 9, 24 or 45 properties f_rest_, found {rest}")
-    sh = columns("f_dc_0", "f_dc_1", "f_dc_2")[:, None]
-    if rest:
-        # The file has all of red, then green, then blue.
-        sh = torch.cat([sh, columns(*[f"f_rest_{i}" for i in range(rest)]).unflatten(-1, (3, -1)).transpose(1, 2)], 1)
-    origin = next((tuple(map(float, c.split()[1:4])) for c in comments if c.startswith("origin ")), (0.0, 0.0, 0.0))
-    return Gaussians(
-        columns("x", "y", "z"),
-        columns("rot_0", "rot_1", "rot_2", "rot_3"),
-        columns("scale_0", "scale_1", "scale_2"),
-        columns("opacity")[:, 0].clamp(-100, 100),
-        sh.contiguous(),
-        any(c == "SplatRenderMode: mip" for c in comments),
-        origin,  # type: ignore[arg-type]
-    )
-
-
 def render(
     scene: Run | Gaussians | PathLike,
     camera: Camera,
@@ -137,6 +82,11 @@ def render(
     radius = float(spread.abs().median(0).values.norm())
     # x_camera = R (x − origin) + (t + R origin), with the shift in double.
     pose = np.array(camera.camera_from_world, np.float64)
+    if pose.shape != (4, 4):
+        raise ValueError(f"camera_from_world: expected shape (4, 4), found {pose.shape}")
+    behind = torch.as_tensor(background, dtype=like.dtype, device=like.device)
+    if behind.shape != (3,):
+        raise ValueError(f"background: expected 3 numbers, found {background!r}")
     pose[:3, 3] += pose[:3, :3] @ np.array(gaussians.origin)
     color, alpha, _ = splat(
         like,
@@ -151,61 +101,51 @@ def render(
         near_plane=min(0.01, 0.01 * radius) or 0.01,
         antialiased=gaussians.antialiased,
     )
-    return (color + (1 - alpha) * like.new_tensor(background)[:, None, None])[0].permute(1, 2, 0)
-
-
-def _vertices(path: Path) -> tuple[np.ndarray, list[str]]:
-    """The vertices of a .ply, one field per property, and its comments."""
-    with path.open("rb") as file:
-        lines = []
-        while not lines or lines[-1] != "end_header":
-            line = file.readline(1000)
-            if not line or (not lines and line.strip() != b"ply"):
-                raise ValueError(f"{path}: expected a .ply header, found {'its end' if lines else 'other bytes'}")
-            lines.append(line.decode("latin-1").strip())
-        if "format binary_little_endian 1.0" not in lines:
-            raise ValueError(f"{path}: expected binary_little_endian, found another format; jade_export writes it")
-        elements = [i for i, line in enumerate(lines) if line.startswith("element ")]
-        if not elements or not lines[elements[0]].startswith("element vertex "):
-            raise ValueError(f"{path}: expected vertices as the first element, found none")
-        count = int(lines[elements[0]].split()[2])
-        properties = [line.split()[1:] for line in lines[elements[0] : (elements[1:] or [None])[0]] if line.startswith("property ")]
-        try:
-            dtype = np.dtype([(name, "<" + _TYPES[kind]) for kind, name in properties])
-        except (KeyError, ValueError) as error:
-            raise ValueError(f"{path}: expected properties of scalar types, found others") from error
-        data = np.fromfile(file, dtype, count)
-    if len(data) != count:
-        raise ValueError(f"{path}: expected {count} vertices, found {len(data)}; the file is cut short")
-    return data, [line[len("comment ") :] for line in lines if line.startswith("comment ")]
+    return (color + (1 - alpha) * behind[:, None, None])[0].permute(1, 2, 0)
 
 
 def _json(path: Path, default: Any) -> Any:
+    """Content of the default's type, which stands for a missing file."""
     if not path.is_file():
         return default
     try:
-        return json.loads(path.read_text())
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{path}: expected JSON, found {error.msg} in line {error.lineno}") from error
+        content = json.loads(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path}: expected JSON, found {error}") from error
+    if not isinstance(content, type(default)):
+        raise ValueError(f"{path}: expected a {type(default).__name__}, found a {type(content).__name__}")
+    return content
 
 
 def _cameras(path: Path) -> list[Camera]:
     def camera(entry: dict[str, Any]) -> Camera:
-        pose = np.vstack([np.array(entry["camera_from_world"], np.float64)[:3], [0, 0, 0, 1]])
+        pose = np.array(entry["camera_from_world"], np.float64)[:3]
         numbers = {key: entry[key] for key in ("name", "width", "height", "fx", "fy", "cx", "cy")}
-        return Camera(**numbers, camera_from_world=pose)
+        return Camera(**numbers, camera_from_world=np.vstack([pose, [0, 0, 0, 1]]))
 
-    return [camera(entry) for entry in _json(path, [])]
+    cameras = []
+    for index, entry in enumerate(_json(path, [])):
+        try:
+            cameras.append(camera(entry))
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(
+                f"{path}: expected name, width, height, fx, fy, cx, cy and camera_from_world [3, 4] of camera {index}, "
+                f"found others ({error}); is it the file of a jade_train run?"
+            ) from error
+    return cameras
 
 
 def _columns(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
         return {}
     rows = []
-    for number, line in enumerate(path.read_text().splitlines(), 1):
+    for number, line in enumerate(path.read_bytes().splitlines(), 1):
         try:
-            rows.append(json.loads(line))
-        except json.JSONDecodeError as error:
-            raise ValueError(f"{path}:{number}: expected a JSON object, found {error.msg}") from error
+            row = json.loads(line)
+        except ValueError as error:
+            raise ValueError(f"{path}:{number}: expected a JSON object, found {error}") from error
+        if not isinstance(row, dict):
+            raise ValueError(f"{path}:{number}: expected a JSON object, found {row!r}")
+        rows.append(row)
     keys = {key: None for row in rows for key, value in row.items() if isinstance(value, (int, float))}
     return {key: np.array([row.get(key, np.nan) for row in rows], np.float64) for key in keys}
