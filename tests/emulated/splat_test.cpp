@@ -36,6 +36,7 @@ struct Settings {
   int64_t statistics_views = -1;
   bool cameras = true;  ///< compare their gradients too
   bool activated = false;
+  double opacity = 1;  ///< factor of activated opacities
   double far_plane = splat::kFarthest;
   bool means2d = false;      ///< compare screen gradients too
   bool interleaved = false;  ///< colours by pixel, and intrinsics as matrices
@@ -90,7 +91,7 @@ Outcome run(const Backend& backend, const SplatScene& scene, const Settings& set
   f.activated = settings.activated;
   if (settings.activated) {
     f.gaussians.log_scales = scene.gaussians.log_scales.exp();
-    f.gaussians.logit_opacities = scene.gaussians.logit_opacities.sigmoid();
+    f.gaussians.logit_opacities = settings.opacity * scene.gaussians.logit_opacities.sigmoid();
   }
   f.deterministic = settings.deterministic;
   if (settings.interleaved) {
@@ -199,6 +200,8 @@ TEST_CASE(
   settings.activated = true;
   settings.far_plane = 5;
   settings.means2d = true;
+  check_against_cpu(scene, settings);
+  settings.opacity = 2.5;
   check_against_cpu(scene, settings);
   settings.interleaved = true;
   settings.sh_degree = splat::kPlainColor;
