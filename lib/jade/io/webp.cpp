@@ -48,7 +48,14 @@ std::string encode_webp(const torch::Tensor& rgba) {
 }
 
 torch::Tensor decode_webp(std::string_view bytes, const std::string& name) {
+  constexpr int kLossless = 2;
   const auto* const data = reinterpret_cast<const uint8_t*>(bytes.data());
+  WebPBitstreamFeatures features;
+  if (WebPGetFeatures(data, bytes.size(), &features) == VP8_STATUS_OK &&
+      features.format != kLossless) {
+    throw DataError(concat(name, ": expected a lossless WebP image, found one whose compression ",
+                           "changed its numbers; get the original file, or write it again"));
+  }
   int width = 0, height = 0;
   const std::unique_ptr<uint8_t, decltype(&WebPFree)> pixels(
       WebPDecodeRGBA(data, bytes.size(), &width, &height), &WebPFree);

@@ -13,9 +13,9 @@ namespace jade::io {
 /// @throws DataError if the library fails.
 std::string encode_webp(const torch::Tensor& rgba);
 
-/// The pixels of a WebP file, uint8 [H,W,4].
+/// The pixels of a lossless WebP file, uint8 [H,W,4].
 /// @param name  of the file, for messages
-/// @throws DataError for damaged bytes and for other files.
+/// @throws DataError for damaged bytes, for lossy images and for other files.
 torch::Tensor decode_webp(std::string_view bytes, const std::string& name);
 
 }  // namespace jade::io
