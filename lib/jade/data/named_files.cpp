@@ -5,6 +5,7 @@
 #include <cctype>
 
 #include "jade/imaging/image_io.h"
+#include "jade/io/uri.h"
 
 namespace jade::data {
 namespace {
@@ -48,13 +49,6 @@ fs::path near_folder(const fs::path& folder, const fs::path& name) {
   return {};
 }
 
-/// The value of a hexadecimal digit, or -1.
-int digit_of(char c) {
-  const auto small = std::tolower(static_cast<unsigned char>(c));
-  if (small >= '0' && small <= '9') return small - '0';
-  return small >= 'a' && small <= 'f' ? small - 'a' + 10 : -1;
-}
-
 }  // namespace
 
 std::string in_small_letters(std::string text) {
@@ -66,21 +60,6 @@ std::string in_small_letters(std::string text) {
 std::string slashed(std::string path) {
   std::replace(path.begin(), path.end(), '\\', '/');
   return path;
-}
-
-std::string unescaped(const std::string& path) {
-  std::string plain;
-  for (size_t i = 0; i < path.size(); ++i) {
-    const int high = path[i] == '%' && i + 2 < path.size() ? digit_of(path[i + 1]) : -1;
-    const int low = high >= 0 ? digit_of(path[i + 2]) : -1;
-    if (low < 0 || 16 * high + low == 0) {
-      plain += path[i];
-      continue;
-    }
-    plain += char(16 * high + low);
-    i += 2;
-  }
-  return plain;
 }
 
 fs::path near_image(const fs::path& folder, const std::string& given) {
@@ -117,7 +96,7 @@ fs::path file_inside(const fs::path& folder, const fs::path& given) {
 fs::path NamedFiles::find_image(const std::string& name) {
   if (image_folder.empty()) return find(name);
   fs::path found = file_inside(folder / image_folder, slashed(name));
-  if (found.empty()) found = file_inside(folder / image_folder, slashed(unescaped(name)));
+  if (found.empty()) found = file_inside(folder / image_folder, slashed(io::unescaped(name)));
   if (found.empty()) missing.push_back(name);
   return found;
 }
@@ -127,7 +106,7 @@ fs::path NamedFiles::find(const std::string& name) {
   if (fs::path found = existing_file(folder / name); !found.empty()) return found;
   const fs::path given = slashed(name);
   if (fs::path found = existing_file(folder / given); !found.empty()) return found;
-  const fs::path plain = slashed(unescaped(name));
+  const fs::path plain = slashed(io::unescaped(name));
   if (fs::path found = existing_file(folder / plain); !found.empty()) return found;
   for (const fs::path& whole : {given, plain}) {
     if (fs::path found = moved_file(folder, whole); !found.empty()) {

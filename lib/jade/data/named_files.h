@@ -11,9 +11,6 @@ namespace jade::data {
 /// The path with backslashes replaced by slashes.
 std::string slashed(std::string path);
 
-/// The path with URL escapes such as %20 decoded.
-std::string unescaped(const std::string& path);
-
 /// The text in lower case, to compare names without case. Letters beyond ASCII stay.
 std::string in_small_letters(std::string text);
 

@@ -3,7 +3,6 @@
 #include "jade/gaussians/gltf_file.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -22,6 +21,7 @@
 #include "jade/gaussians/file_values.h"
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/summary.h"
+#include "jade/io/uri.h"
 
 namespace jade::gaussians {
 namespace {
@@ -93,23 +93,6 @@ struct ComponentType {
   torch::ScalarType type;
   double full;  ///< the value that represents 1 in normalised numbers
 };
-
-/// A URI with its escapes (%20) replaced by the bytes that they stand for.
-std::string unescaped(const std::string& uri) {
-  std::string out;
-  for (size_t i = 0; i < uri.size(); ++i) {
-    unsigned byte = 0;
-    const char* const digits = uri.data() + i + 1;
-    if (uri[i] == '%' && i + 2 < uri.size() &&
-        std::from_chars(digits, digits + 2, byte, 16).ptr == digits + 2) {
-      out += static_cast<char>(byte);
-      i += 2;
-    } else {
-      out += uri[i];
-    }
-  }
-  return out;
-}
 
 /// A document and its buffers.
 class Document {
@@ -217,11 +200,11 @@ class Document {
 
   /// The file of a buffer. Some programs write its name without the escapes of a URI.
   std::filesystem::path file_of(const std::string& uri) const {
-    for (const std::string& name : {unescaped(uri), uri}) {
+    for (const std::string& name : {io::unescaped(uri), uri}) {
       const std::filesystem::path file = path_.parent_path() / name;
       if (std::filesystem::is_regular_file(file)) return file;
     }
-    throw DataError(concat(path_.string(), ": expected the file ", unescaped(uri),
+    throw DataError(concat(path_.string(), ": expected the file ", io::unescaped(uri),
                            " beside it, found none; copy that file too, or write a .glb"));
   }
 
