@@ -32,7 +32,7 @@ constexpr int64_t kPixelsPerCpuCall = int64_t{1} << 17;
 // Memory of a call per pixel of each image on a GPU. The others limit the memory of a call with
 // several images, and that of one image before it is split into tiles.
 constexpr int64_t kGpuBytesPerPixel = 1600;
-constexpr int64_t kGpuCallBytes = int64_t{768} << 20, kGpuFrameBytes = int64_t{4} << 30;
+constexpr int64_t kGpuCallBytes = int64_t{512} << 20, kGpuFrameBytes = int64_t{4} << 30;
 constexpr int64_t kGpuTile = 1280;  ///< including margins, as large as such an image
 
 /// The device has too little memory for this call.
