@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/train/step_graph.h"
 
+#include <ATen/Context.h>
 #include <ATen/cuda/CUDAGraph.h>
 #include <algorithm>
 #include <c10/cuda/CUDAGuard.h>
@@ -95,6 +96,9 @@ struct StreamScope::Guard {
 StreamScope::StreamScope(torch::Device device) {
   if (!device.is_cuda()) return;
   bound_stack_memory(device);
+  // A step computes some gradients on side streams, and autograd waits for them. It would warn once
+  // per run, on the terminal.
+  at::globalContext().setWarnOnAccumulateGradStreamMismatch(false);
   guard_ = std::make_unique<Guard>(device);
 }
 
