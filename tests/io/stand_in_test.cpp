@@ -3,7 +3,13 @@
 
 #include "support/catch.h"
 
+#include "jade/core/atomic_file.h"
 #include "jade/io/gzip.h"
+#include "jade/io/hdf5.h"
+#include "jade/io/npy.h"
+#include "support/naming.h"
+#include "support/temp_dir.h"
+#include "support/without_rights.h"
 
 using namespace jade;
 
@@ -24,4 +30,24 @@ TEST_CASE("stand-in: what lies in place of a file is named with its remedy", "[i
     CHECK_THAT(io::stand_in(text, "a.json"), Catch::Contains("iconv -f UTF-16 -t UTF-8 a.json"));
   }
   CHECK(io::stand_in("no/such/file").empty());
+}
+
+TEST_CASE("stand-in: readers name what lies in place of a file", "[io]") {
+  const test::TempDir dir;
+  const auto pointer = [&](const char* name) {
+    return dir.write(name, "version https://git-lfs.github.com/spec/v1\noid sha256:aa\nsize 9\n");
+  };
+  CHECK_THROWS_WITH(io::Hdf5File(pointer("a.h5")), test::naming("a.h5", "HDF5", "git lfs pull"));
+  CHECK_THROWS_WITH(io::Npz(pointer("a.npz")), test::naming("a.npz", "git lfs pull"));
+  CHECK_THROWS_WITH(io::read_npy(pointer("a.npy")), test::naming("a.npy", "git lfs pull"));
+}
+
+TEST_CASE("stand-in: a file without read permission is named as such", "[io]") {
+  const test::TempDir dir;
+  const test::WithoutRights without(dir.write("a.h5", "x"));
+  CHECK_THAT(io::stand_in(dir / "a.h5"), test::naming("Permission denied", "chmod a+r a.h5"));
+  CHECK_THROWS_WITH(io::Hdf5File(dir / "a.h5"), test::naming("a.h5", "Permission denied"));
+  CHECK_THROWS_WITH(io::Npz(dir / "a.h5"), test::naming("a.h5", "Permission denied"));
+  CHECK_THROWS_WITH(io::read_npy(dir / "a.h5"), test::naming("a.h5", "Permission denied"));
+  CHECK_THROWS_WITH(read_file(dir / "a.h5"), test::naming("a.h5", "permission denied"));
 }

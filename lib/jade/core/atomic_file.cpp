@@ -89,10 +89,14 @@ void write_file(const fs::path& path, const std::string& content) {
 }
 
 std::string read_file(const fs::path& path) {
+  errno = 0;
   std::ifstream in(path, std::ios::binary);
   std::ostringstream content;
   if (in && !fs::is_directory(path)) content << in.rdbuf();
-  if (!in || fs::is_directory(path)) throw DataError(concat(path.string(), ": cannot be read"));
+  if (!in || fs::is_directory(path)) {
+    const char* const why = errno == EACCES ? ": permission denied" : "";
+    throw DataError(concat(path.string(), ": cannot be read", why));
+  }
   return content.str();
 }
 

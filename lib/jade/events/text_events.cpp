@@ -14,6 +14,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/events/columns.h"
 #include "jade/events/raw_events.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::events {
 namespace {
@@ -27,7 +28,11 @@ using Numbers = std::array<double, kMostColumns>;
 template <class Line>
 void for_each_line(const std::filesystem::path& path, const Line& line) {
   std::ifstream file(path, std::ios::binary);
-  if (!file) throw DataError(concat(path.string(), ": no such event file"));
+  if (!file) {
+    const std::string other = io::stand_in(path);
+    throw DataError(concat(path.string(), other.empty() ? ": no such event file"
+                                                        : ": expected events, found " + other));
+  }
   std::string text;
   size_t rest = 0;  // of a line that began in the previous piece
   char line_end = '\0';

@@ -13,6 +13,7 @@
 #include "jade/io/hdf5_chunks.h"
 #include "jade/io/hdf5_driver.h"
 #include "jade/io/hdf5_id.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::io {
 namespace {
@@ -245,6 +246,8 @@ Hdf5File::Hdf5File(const std::filesystem::path& path)
   const auto size = std::filesystem::file_size(path, error);
   if (error) throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
   if (size == 0) throw DataError(concat(path.string(), ": the file is empty; copy it again"));
+  if (const std::string other = stand_in(path); !other.empty())
+    throw DataError(concat(path.string(), ": expected an HDF5 file, found ", other));
   if (H5Fis_hdf5(path.c_str()) == 0) {
     throw DataError(concat(path.string(), ": expected an HDF5 file, found another format"));
   }

@@ -13,6 +13,7 @@
 #include "jade/core/error.h"
 #include "jade/io/npy_fields.h"
 #include "jade/io/npy_format.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::io {
 namespace {
@@ -376,6 +377,8 @@ torch::Tensor read_source(ByteSource source, const std::string& name) {
 /// Calls `read` with a source over the bytes of a file.
 template <class Read>
 auto with_file(const std::filesystem::path& path, const Read& read) {
+  if (const std::string other = stand_in(path); !other.empty())
+    throw DataError(concat(path.string(), ": expected a .npy array, found ", other));
   std::error_code error;
   const auto size = std::filesystem::file_size(path, error);
   std::ifstream file(path, std::ios::binary);

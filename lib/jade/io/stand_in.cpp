@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 
 #include "jade/core/error.h"
@@ -55,7 +57,12 @@ std::string stand_in(std::string_view head, const fs::path& path) {
 }
 
 std::string stand_in(const fs::path& path) {
+  errno = 0;
   std::ifstream in(path, std::ios::binary);
+  if (!in && (errno == EACCES || errno == EPERM)) {
+    return concat("a file that may not be read (", std::strerror(errno), "); allow it: chmod a+r ",
+                  path.filename().string());
+  }
   if (!in) return "";
   std::string head(kHeadBytes, '\0');
   in.read(head.data(), static_cast<std::streamsize>(head.size()));

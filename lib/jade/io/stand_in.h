@@ -14,7 +14,8 @@ namespace jade::io {
 /// @param path  the file's name for the remedy
 std::string stand_in(std::string_view head, const std::filesystem::path& path);
 
-/// Reads the first bytes of the file itself. Empty if it cannot be opened.
+/// Reads the first bytes of the file itself. Names a file without read permission too. Empty if it
+/// cannot be opened otherwise.
 std::string stand_in(const std::filesystem::path& path);
 
 }  // namespace jade::io

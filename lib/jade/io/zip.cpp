@@ -9,6 +9,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::io {
 namespace {
@@ -24,6 +25,8 @@ OpenZip open_zip(const std::filesystem::path& path, const ZipWords& words) {
   int code = 0;
   OpenZip archive(zip_open(path.c_str(), ZIP_RDONLY, &code));
   if (archive) return archive;
+  if (const std::string other = stand_in(path); !other.empty())
+    throw DataError(concat(path.string(), ": expected ", words.expected, ", found ", other));
   if (code == ZIP_ER_NOENT || code == ZIP_ER_OPEN)
     throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
   throw DataError(concat(path.string(), ": expected ", words.expected,

@@ -32,6 +32,8 @@ std::string head_of(const fs::path& path) {
   file.read(head.data(), std::streamsize(head.size()));
   head.resize(size_t(std::max<std::streamsize>(file.gcount(), 0)));
   if (head.empty()) {
+    if (const std::string other = file.is_open() ? "" : io::stand_in(path); !other.empty())
+      throw DataError(concat(path.string(), ": ", kReadable, ", found ", other));
     std::error_code error;
     const auto size = fs::file_size(path, error);
     throw DataError(concat(path.string(), !error && size == 0
