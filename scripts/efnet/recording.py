@@ -90,7 +90,7 @@ def whole_us(times: np.ndarray, unit: str, path: Path) -> np.ndarray:
 
 
 def exposure_unit(start: np.ndarray, end: np.ndarray, path: Path) -> str:
-    """The unit in which the median exposure is between 10 us and 5 s."""
+    """The unit in which the median exposure is between 10 us and 5 s; us not at one frame in 10 s, as ns look like that."""
     floating = start.dtype.kind == "f"
     if not floating and start.max(initial=0) > ONLY_NS:
         return "ns"
@@ -98,7 +98,10 @@ def exposure_unit(start: np.ndarray, end: np.ndarray, path: Path) -> str:
     if len(lengths) == 0:
         return "s" if floating else "us"
     median = np.sort(lengths)[(len(lengths) - 1) // 2]
+    period = np.median(np.diff(np.sort(start.astype(np.float64)))) if len(start) > 2 else 0
     for unit, factor in UNITS.items():
+        if unit == "us" and median >= 5e5 and period >= 1e7:
+            continue
         if SHORTEST_US <= median * factor <= LONGEST_US and (floating or unit != "s"):
             return unit
     raise DataError(f"{path}: the median exposure is {median:g}, which is no plausible time in us, ns or s; give --time-unit")

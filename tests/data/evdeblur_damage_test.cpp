@@ -301,5 +301,11 @@ TEST_CASE("damage: swapped starts and ends, and impossible splits, are refused",
   CHECK_THROWS_NAMING(DataError, scene.warnings(), "timestamps.npz", "length");
 }
 
+TEST_CASE("damage: times whose set unit makes exposures of seconds are refused", "[data]") {
+  Scene scene;
+  scene.options.time_unit = events::TimeUnit::kS;
+  CHECK_THROWS_WITH(scene.warnings(), test::naming("timestamps.npz", "dataset.time_unit"));
+}
+
 }  // namespace
 }  // namespace jade::data

@@ -62,7 +62,8 @@ TEST_CASE("time unit: milliseconds only where frames or events fit nothing else"
     CHECK(unit_of(90, 1000, whole) == TimeUnit::kUs);  // 1,000 frames per second
     CHECK(unit_of(120, 150, whole) == TimeUnit::kUs);
     CHECK(unit_of(5000, 40000, whole) == TimeUnit::kUs);
-    CHECK(unit_of(5e6, 4e7, whole) == TimeUnit::kUs);
+    CHECK(unit_of(5e6, 2e7, whole) == TimeUnit::kNs);  // 50 frames per second
+    CHECK(unit_of(5e6, 6e6, whole) == TimeUnit::kUs);
   }
   CHECK(unit_of(0.04, 0.1) == TimeUnit::kS);
   CHECK(unit_of(1, 2) == TimeUnit::kS);
@@ -74,6 +75,13 @@ TEST_CASE("time unit: milliseconds only where frames or events fit nothing else"
   CHECK(guess_time_unit(900, 3100, false, exposures) == TimeUnit::kMs);
   CHECK(guess_time_unit(0, 3100, true, exposures) == TimeUnit::kMs);
   CHECK(guess_time_unit(900, 3100, true, {}) == TimeUnit::kS);
+}
+
+TEST_CASE("time unit: frames that are too slow for a camera beside an event sensor", "[events]") {
+  CHECK_FALSE(is_too_slow(4e6, 5e6));
+  CHECK_FALSE(is_too_slow(2e4, 2e7));
+  CHECK(is_too_slow(4e6, 4e7));
+  CHECK(is_too_slow(1.1e7, 0));
 }
 
 TEST_CASE("time unit: implausible exposures say what to do", "[events]") {

@@ -6,6 +6,7 @@
 #include <functional>
 #include <torch/types.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
@@ -337,4 +338,53 @@ TEST_CASE("recording: a look at the first events tells of all", "[recording]") {
   CHECK(list.stored_us.end_us == 41);
   options.window = events::TimeWindow{20, 41};
   CHECK(read_recording(dir / "list.h5", options).events.last_us() == 30);
+}
+
+namespace {
+
+/// Frames of noise, exposed for 20 ms every 40 ms from 1 s on, and an event every 100 µs.
+struct Noise {
+  const TempDir dir;
+  std::filesystem::path folder = dir / "a";
+  int count = 6;
+
+  Noise() {
+    torch::manual_seed(7);
+    for (int i = 0; i < count; ++i) write_frame(i, torch::rand({3, 12, 16}));
+    write_times(1);
+    write_events([](int64_t) { return true; });
+  }
+  void write_frame(int index, const torch::Tensor& image) const {
+    imaging::write_image(folder / concat("images/f", index, ".png"), image);
+  }
+  void write_times(int64_t per_us) const {
+    std::string text;
+    for (int64_t i = 0; i < count; ++i) {
+      const int64_t t = 1000000 + 40000 * i;
+      text += concat("f", i, ",", per_us * t, ",", per_us * (t + 20000), "\n");
+    }
+    dir.write("a/images/exposures.csv", text);
+  }
+  /// @param keeps  whether there is an event at this time, in µs
+  void write_events(const std::function<bool(int64_t)>& keeps, int width = 16,
+                    bool one_polarity = false) const {
+    std::string text = "t_us,x,y,p\n";
+    for (int64_t i = 0; i < 3000; ++i) {
+      const int64_t t = 980000 + 100 * i;
+      if (keeps(t))
+        text += concat(t, ",", i % width, ",", i / 7 % 12, ",", one_polarity || i % 2 == 0, "\n");
+    }
+    dir.write("a/events.csv", text);
+  }
+  std::string notes() const { return notes_of(read_recording(folder)); }
+};
+
+}  // namespace
+
+TEST_CASE("recording: exposures in nanoseconds are refused", "[recording]") {
+  const Noise noise;
+  CHECK(read_recording(noise.folder).frames.size() == 6);
+  noise.write_times(1000);
+  CHECK_THAT(error_of([&] { noise.notes(); }),
+             test::naming("exposures.csv", "20 s", "nanoseconds, divide them by 1000"));
 }

@@ -79,6 +79,22 @@ void check_precision(const torch::Tensor& times, const std::string& name) {
                          "; store the times as float64 or as integers, from their source"));
 }
 
+/// @throws DataError for a median exposure that no camera takes, as in another unit.
+void check_lengths(const FrameTimes& times, const std::string& path) {
+  std::vector<int64_t> lengths;
+  for (const FrameTime& time : times.frames) {
+    if (!time.sharp()) lengths.push_back(time.end_us - time.start_us);
+  }
+  if (lengths.empty()) return;
+  const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
+  std::nth_element(lengths.begin(), middle, lengths.end());
+  if (double(*middle) <= events::kLongestExposureUs) return;
+  throw DataError(concat(path, ": expected exposures of at most ",
+                         1e-6 * events::kLongestExposureUs, " s, found a median of ",
+                         1e-6 * double(*middle), " s in ", word_of(times.unit),
+                         "; set dataset.time_unit to the unit of the file"));
+}
+
 }  // namespace
 
 FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
@@ -109,6 +125,7 @@ FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
                              " us, before its start at ", starts[i], " us; swap the two arrays"));
     }
   }
+  check_lengths(times, path.string());
   return times;
 }
 

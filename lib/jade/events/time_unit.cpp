@@ -68,14 +68,17 @@ bool is_ordinary_in_ms(double length, double period) {
 }
 
 /// Whether no frame camera beside an event sensor takes such frames, although `unit` allows their
-/// length: more than 5,000 per second exposed for less than 100 µs, or one in 10 s for half a
-/// second.
+/// length: more than 5,000 per second exposed for less than 100 µs, or as is_too_slow().
 bool is_implausible(TimeUnit unit, double length, double period) {
   if (unit == TimeUnit::kUs) return length < 100 && period < 200;
-  return unit == TimeUnit::kS && length >= 0.5 && period >= 10;
+  return unit == TimeUnit::kS && is_too_slow(1e6 * length, 1e6 * period);
 }
 
 }  // namespace
+
+bool is_too_slow(double length_us, double period_us) {
+  return length_us > kLongestExposureUs || (length_us >= 5e5 && period_us >= 1e7);
+}
 
 std::optional<TimeUnit> unit_of_word(std::string word) {
   std::transform(word.begin(), word.end(), word.begin(),
@@ -132,6 +135,8 @@ TimeUnit guess_exposure_unit(const torch::Tensor& start, const torch::Tensor& en
     if (unit == TimeUnit::kS && !floating) continue;
     const double us = median * us_per_unit(unit);
     if (us < kShortestUs || us > kLongestUs) continue;
+    // Exposures of milliseconds in ns have a length that µs allow too; their period is the sign.
+    if (unit == TimeUnit::kUs && is_too_slow(median, period)) continue;
     return can_be_ms && is_implausible(unit, median, period) ? TimeUnit::kMs : unit;
   }
   if (can_be_ms) return TimeUnit::kMs;

@@ -25,6 +25,14 @@ constexpr auto words_of(TimeUnit) {
 /// Whole numbers above this are ns: as ns they begin in 1973, as µs in the year 5138.
 constexpr double kOnlyNs = 1e17;
 
+/// Exposures beside an event sensor are shorter than this.
+constexpr double kLongestExposureUs = 1e7;
+
+/// Whether frames of this median exposure and period are too slow for a frame camera beside an
+/// event sensor: more than 10 s, or half a second at one frame in 10 s. Times in ns that are read
+/// as µs look like this.
+bool is_too_slow(double length_us, double period_us);
+
 /// The unit of a word: "ms", "msec", "Milliseconds". No value for other words.
 std::optional<TimeUnit> unit_of_word(std::string word);
 
@@ -42,11 +50,11 @@ std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_frac
                                         const std::optional<TimeWindow>& exposures);
 
 /// The unit of exposure times: the one in which the median non-zero length is between 10 µs and 5
-/// s, tried in the order µs, ns, s. Seconds must be floating point. If no exposure has a length,
-/// floating point means seconds, unless no time has a fraction and times are more than 1000 apart
-/// on average: then µs. Whole numbers above kOnlyNs are ns. Times are ms if three frames or more
-/// are ordinary in ms, and implausible otherwise: shorter than 100 µs at more than 5,000 per
-/// second, or longer than 0.5 s at one in 10 s or fewer.
+/// s, tried in the order µs, ns, s; µs not if is_too_slow(). Seconds must be floating point. If no
+/// exposure has a length, floating point means seconds, unless no time has a fraction and times are
+/// more than 1000 apart on average: then µs. Whole numbers above kOnlyNs are ns. Times are ms if
+/// three frames or more are ordinary in ms, and implausible otherwise: shorter than 100 µs at more
+/// than 5,000 per second, or longer than 0.5 s at one in 10 s or fewer.
 /// @param start,end  [N] of one integer or floating type
 /// @param mend  what to do about exposures of no plausible length, for the message
 /// @throws DataError beginning with `name` for those.

@@ -79,7 +79,8 @@ void apply_exposures(const std::filesystem::path& list, const std::vector<NamedE
 
 /// Checks that exposures of one camera do not overlap. Tolerates overlaps of a twentieth of the
 /// frame period, and longer ones of a tenth of the frames, which it notes.
-/// @throws DataError naming `list` and two frames with the same exposure.
+/// @throws DataError naming `list` and two frames with the same exposure, and for exposures that
+///   are too long for µs.
 void check_apart(const std::filesystem::path& list, const std::vector<FrameFile>& files,
                  std::vector<std::string>& notes);
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "jade/core/error.h"
+#include "jade/events/time_unit.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/range.h"
 #include "jade/recording/contents.h"
@@ -85,6 +86,20 @@ const NamedExposure& line_of(const fs::path& frame, const Rows& rows, const fs::
                          " with different times; keep the lines of the frames' camera"));
 }
 
+/// @throws DataError for exposures that are too long to be whole µs.
+void check_length(const fs::path& list, const std::vector<const FrameFile*>& exposed,
+                  int64_t period_us) {
+  std::vector<int64_t> lengths;
+  for (const FrameFile* file : exposed) lengths.push_back(file->time->duration_us());
+  const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
+  std::nth_element(lengths.begin(), middle, lengths.end());
+  if (!events::is_too_slow(double(*middle), double(period_us))) return;
+  throw DataError(concat(list.string(), ": expected exposures in whole us, found ",
+                         1e-6 * double(*middle), " s as the median length, at a frame period of ",
+                         1e-6 * double(period_us),
+                         " s; if the times are in nanoseconds, divide them by 1000"));
+}
+
 }  // namespace
 
 void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exposures,
@@ -132,6 +147,7 @@ void check_apart(const fs::path& list, const std::vector<FrameFile>& files,
   }
   std::nth_element(steps.begin(), steps.begin() + int64_t(steps.size() / 2), steps.end());
   const int64_t period_us = steps[steps.size() / 2];
+  check_length(list, exposed, period_us);
   const FrameFile *first = nullptr, *second = nullptr;
   size_t overlapping = 0;
   for (size_t i = 1; i < exposed.size(); ++i) {
