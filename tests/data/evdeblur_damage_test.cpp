@@ -301,6 +301,16 @@ TEST_CASE("damage: swapped starts and ends, and impossible splits, are refused",
   CHECK_THROWS_NAMING(DataError, scene.warnings(), "timestamps.npz", "length");
 }
 
+TEST_CASE("damage: blank and repeated frames are named", "[data]") {
+  Scene scene;
+  CHECK_FALSE(mentions(scene.warnings(), "expected frames"));
+  const auto image = [&](int64_t i) { return scene.root / concat("images_1/0", i, ".png"); };
+  imaging::write_image(image(2), torch::zeros({3, test::kHeight, test::kWidth}));
+  fs::copy_file(image(0), image(1), fs::copy_options::overwrite_existing);
+  CHECK(mentions(scene.warnings(), "1 of 6 all black (the first is 02)"));
+  CHECK(mentions(scene.warnings(), "1 of 6 identical to the frame before (the first is 01)"));
+}
+
 TEST_CASE("damage: times whose set unit makes exposures of seconds are refused", "[data]") {
   Scene scene;
   scene.options.time_unit = events::TimeUnit::kS;

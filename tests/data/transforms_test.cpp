@@ -614,7 +614,7 @@ TEST_CASE("transforms: dataset.image_folder names smaller images of the same nam
   Room room(size + "\"cx\":9,");
   for (int i = 0; i < 10; ++i) {
     imaging::write_image(room.folder / concat("room/images_2/f", i, ".png"),
-                         torch::full({3, 7, 11}, 0.1 * i));
+                         torch::full({3, 7, 11}, 0.05 + 0.09 * i));
   }
   room.options.image_folder = "images_2";
   const Dataset data = room.load();

@@ -5,6 +5,9 @@
 
 #include <torch/types.h>
 
+#include "support/naming.h"
+
+using namespace jade;
 using namespace jade::imaging;
 
 namespace {
@@ -14,6 +17,12 @@ torch::Tensor pattern(int64_t height, int64_t width, int64_t top) {
   return (torch::arange(3 * height * width).mul(7919).remainder(top + 1).to(torch::kFloat32) /
           double(top))
       .view({3, height, width});
+}
+
+std::string first_fault(const std::vector<torch::Tensor>& images,
+                        const std::vector<std::string>& names) {
+  const std::vector<std::string> faults = frame_faults(images, names);
+  return faults.empty() ? "" : faults.front();
 }
 
 }  // namespace
@@ -26,12 +35,12 @@ TEST_CASE("image: frames that are all black or fill 10 or 12 of 16 bits are repo
     return std::vector<torch::Tensor>{image, image * 0};
   };
   const auto range_fault = [](const std::vector<torch::Tensor>& set) {
-    return jade::imaging::range_fault(set, {"a", "b"});
+    return first_fault(set, {"a", "b"});
   };
   CHECK(range_fault({}).empty());
-  CHECK(range_fault(images(255, 255)).empty());
-  CHECK(range_fault(images(65535, 65535)).empty());
-  CHECK(range_fault(images(15, 255)).empty());  // dark, in 8 bits
+  CHECK_THAT(range_fault(images(255, 255)), test::naming("1 of 2 all black"));
+  CHECK_THAT(range_fault(images(65535, 65535)), test::naming("1 of 2 all black"));
+  CHECK_THAT(range_fault(images(15, 255)), test::naming("1 of 2 all black"));  // dark, in 8 bits
   CHECK(range_fault(images(290, 65535)).find("10-bit") != std::string::npos);
   CHECK(range_fault(images(255, 65535)).find("multiply the frames by 257") != std::string::npos);
   const std::string fault = range_fault(images(4095, 65535));
@@ -45,12 +54,32 @@ TEST_CASE("image: dark 16-bit frames among 8-bit ones are reported with the firs
   const std::vector<std::string> names{"00", "01", "02", "03"};
   const auto bright = pattern(9, 11, 255), full = pattern(9, 11, 65535);
   const auto narrow = pattern(9, 11, 4095) * (4095.0 / 65535);
-  const std::string fault = range_fault({bright, bright * 0, narrow, narrow}, names);
+  const std::string fault = first_fault({bright, bright * 0, narrow, narrow}, names);
   CHECK(fault.find("of 2 beside") != std::string::npos);
   CHECK(fault.find("first is 02") != std::string::npos);
   CHECK(fault.find("these frames by 16") != std::string::npos);
   // Beside frames that fill 16 bits, dark ones may show a dark moment.
-  CHECK(range_fault({full, narrow}, names).empty());
-  CHECK(range_fault({bright, full, narrow}, names).empty());
-  CHECK(range_fault({bright, full}, names).empty());
+  CHECK(first_fault({full, narrow}, names).empty());
+  CHECK(first_fault({bright, full, narrow}, names).empty());
+  CHECK(first_fault({bright, full}, names).empty());
+}
+
+TEST_CASE("image: black, white and repeated frames are counted with the first's name",
+          "[imaging]") {
+  const std::vector<std::string> names{"00", "01", "02", "03", "04"};
+  const auto a = pattern(9, 11, 255), b = pattern(9, 11, 251), c = pattern(9, 11, 241);
+  const auto black = torch::full({3, 9, 11}, 1.0 / 255), white = torch::ones({3, 9, 11});
+  CHECK(frame_faults({a, b, c, a, b}, names).empty());
+  CHECK_THAT(first_fault({a, black, b, c, black}, names),
+             test::naming("2 of 5 all black (the first is 01)"));
+  CHECK_THAT(
+      first_fault({a, white, b, black, c}, names),
+      test::naming("1 of 5 all black (the first is 03)", "1 of 5 all white (the first is 01)"));
+  CHECK_THAT(first_fault({a, b, b.clone(), c, c.clone()}, names),
+             test::naming("2 of 5 identical to the frame before (the first is 02)"));
+  // Frames that differ by one step of one pixel are two frames.
+  auto other = b.clone();
+  other[1][4][5] += 1.0 / 255;
+  CHECK(frame_faults({a, b, other, c, a}, names).empty());
+  CHECK(frame_faults({a, b, torch::ones({3, 9, 12}) * 0.5, c, a}, names).empty());
 }

@@ -388,3 +388,15 @@ TEST_CASE("recording: exposures in nanoseconds are refused", "[recording]") {
   CHECK_THAT(error_of([&] { noise.notes(); }),
              test::naming("exposures.csv", "20 s", "nanoseconds, divide them by 1000"));
 }
+
+TEST_CASE("recording: blank and repeated frames are noted", "[recording]") {
+  const Noise noise;
+  CHECK_THAT(noise.notes(), !test::naming("expected frames"));
+  noise.write_frame(2, torch::zeros({3, 12, 16}));
+  noise.write_frame(4, torch::ones({3, 12, 16}));
+  std::filesystem::copy_file(noise.folder / "images/f0.png", noise.folder / "images/f1.png",
+                             std::filesystem::copy_options::overwrite_existing);
+  CHECK_THAT(noise.notes(), test::naming("1 of 6 all black (the first is f2)",
+                                         "1 of 6 all white (the first is f4)",
+                                         "1 of 6 identical to the frame before (the first is f1)"));
+}

@@ -149,16 +149,17 @@ void check_frame_memory(const std::vector<fs::path>& paths,
                        "dataset.image_folder), or fewer");
 }
 
-void check_range(const std::vector<fs::path>& paths, const std::vector<Frame>& frames,
-                 const Warnings& warnings) {
+void check_pictures(const std::vector<fs::path>& paths, const std::vector<Frame>& frames,
+                    const Warnings& warnings) {
   std::vector<torch::Tensor> images;
   std::vector<std::string> names;
   for (const Frame& frame : frames) {
     images.push_back(frame.image);
     names.push_back(frame.name);
   }
-  const std::string fault = imaging::range_fault(images, names);
-  if (!fault.empty()) warnings.add(paths.front().parent_path().string(), ": ", fault);
+  for (const std::string& fault : imaging::frame_faults(images, names)) {
+    warnings.add(paths.front().parent_path().string(), ": ", fault);
+  }
 }
 
 void add_masks(const std::vector<fs::path>& paths, const MaskSources& sources,
@@ -216,7 +217,7 @@ std::vector<Frame> read_frames(const std::vector<fs::path>& paths, const MaskSou
                            paths[0].filename().string(), " is ", first[2], "x", first[1],
                            "; frames with events come from one sensor and must have one size"));
   }
-  check_range(paths, frames, warnings);
+  check_pictures(paths, frames, warnings);
   add_masks(paths, masks, warnings, frames);
   return frames;
 }

@@ -41,16 +41,27 @@ bool others_are_8_bit(const std::vector<torch::Tensor>& images, const std::vecto
   return true;
 }
 
-}  // namespace
+/// Smallest and largest value of an image.
+struct Range {
+  double low = 0, high = 0;
+};
 
-std::string range_fault(const std::vector<torch::Tensor>& images,
+std::vector<Range> ranges_of(const std::vector<torch::Tensor>& images) {
+  std::vector<Range> out;
+  for (const torch::Tensor& image : images) {
+    const auto [low, high] = image.aminmax();
+    out.push_back({low.item<double>(), high.item<double>()});
+  }
+  return out;
+}
+
+/// Images of a wrong range: all black, or 16-bit ones that use 10 or 12 bits. Empty if none.
+std::string range_fault(const std::vector<torch::Tensor>& images, const std::vector<Range>& ranges,
                         const std::vector<std::string>& names) {
-  if (images.empty()) return "";
   double largest = 0, largest_dark = 0;
   std::vector<size_t> dark;
   for (size_t i = 0; i < images.size(); ++i) {
-    const double peak = images[i].max().item<double>();
-    if (std::isnan(peak)) return "";
+    const double peak = ranges[i].high;
     largest = std::max(largest, peak);
     if (!is_dark_16_bit(images[i], peak)) continue;
     dark.push_back(i);
@@ -71,6 +82,63 @@ std::string range_fault(const std::vector<torch::Tensor>& images,
             : concat(images.size(), " frames"),
       ", as in ", bits, "-bit images: ", mixed ? "they" : "the scene", " would be ", factor,
       " times too dark; multiply ", mixed ? "these" : "the", " frames by ", factor);
+}
+
+/// "2 of 12 all black (the first is 02)"; empty for none.
+std::string counted(const std::vector<size_t>& found, const char* what,
+                    const std::vector<std::string>& names) {
+  if (found.empty()) return "";
+  return concat(found.size(), " of ", names.size(), " ", what, " (the first is ",
+                names.at(found.front()), ")");
+}
+
+/// Some images without a picture among others. Empty if none, or all.
+std::string blank_fault(const std::vector<Range>& ranges, const std::vector<std::string>& names) {
+  constexpr double kBlack = 1.5 / 255, kWhite = 253.5 / 255;
+  std::vector<size_t> black, white;
+  for (size_t i = 0; i < ranges.size(); ++i) {
+    if (ranges[i].high < kBlack) black.push_back(i);
+    if (ranges[i].low > kWhite) white.push_back(i);
+  }
+  const size_t blank = black.size() + white.size();
+  if (blank == 0 || blank == ranges.size()) return "";
+  const std::string all_black = counted(black, "all black", names);
+  const std::string all_white = counted(white, "all white", names);
+  return concat("expected frames with a picture, found ", all_black,
+                black.empty() || white.empty() ? "" : " and ", all_white,
+                "; leave them out, or export them again");
+}
+
+/// Images that are equal to the one before. Empty if none.
+std::string repeat_fault(const std::vector<torch::Tensor>& images, const std::vector<Range>& ranges,
+                         const std::vector<std::string>& names) {
+  std::vector<size_t> repeated;
+  for (size_t i = 1; i < images.size(); ++i) {
+    const Range &a = ranges[i - 1], &b = ranges[i];
+    const bool blank = b.low == b.high;
+    if (blank || a.low != b.low || a.high != b.high) continue;
+    if (torch::equal(images[i - 1], images[i])) repeated.push_back(i);
+  }
+  if (repeated.empty()) return "";
+  return concat("expected frames that differ, found ",
+                counted(repeated, "identical to the frame before", names),
+                "; a frame was written twice: leave the copies out");
+}
+
+}  // namespace
+
+std::vector<std::string> frame_faults(const std::vector<torch::Tensor>& images,
+                                      const std::vector<std::string>& names) {
+  const std::vector<Range> ranges = ranges_of(images);
+  const bool finite = std::none_of(ranges.begin(), ranges.end(),
+                                   [](const Range& range) { return std::isnan(range.high); });
+  if (images.empty() || !finite) return {};
+  std::vector<std::string> faults;
+  for (const std::string& fault : {range_fault(images, ranges, names), blank_fault(ranges, names),
+                                   repeat_fault(images, ranges, names)}) {
+    if (!fault.empty()) faults.push_back(fault);
+  }
+  return faults;
 }
 
 }  // namespace jade::imaging

@@ -7,11 +7,12 @@
 
 namespace jade::imaging {
 
-/// A one-line fault of images with a wrong range: all of them black, or all 16-bit ones use 10 or
-/// 12 bits only. Empty otherwise.
-/// @param images  [3,H,W] each, from read_image()
-/// @param names   of the images, for the message
-std::string range_fault(const std::vector<torch::Tensor>& images,
-                        const std::vector<std::string>& names);
+/// Faults of images that cannot be right, one line each: a wrong range (all of them black, or all
+/// 16-bit ones use 10 or 12 bits only), some that are all black or all white, and some that are
+/// equal to the one before. Values up to 1/255 count as black, from 254/255 as white.
+/// @param images  [3,H,W] each, from read_image(), in the order of a camera
+/// @param names   of the images, for the messages
+std::vector<std::string> frame_faults(const std::vector<torch::Tensor>& images,
+                                      const std::vector<std::string>& names);
 
 }  // namespace jade::imaging

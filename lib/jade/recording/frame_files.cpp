@@ -192,8 +192,9 @@ void read_frames(std::vector<FrameFile> files, Recording& recording) {
     images.push_back(frame.image);
     names.push_back(frame.name);
   }
-  const std::string fault = imaging::range_fault(images, names);
-  if (!fault.empty()) recording.notes.push_back(fault);
+  for (const std::string& fault : imaging::frame_faults(images, names)) {
+    recording.notes.push_back(fault);
+  }
   recording.frames = std::move(frames);
 }
 
