@@ -400,3 +400,21 @@ TEST_CASE("recording: blank and repeated frames are noted", "[recording]") {
                                          "1 of 6 all white (the first is f4)",
                                          "1 of 6 identical to the frame before (the first is f1)"));
 }
+
+TEST_CASE("recording: two frames with one time are refused by name", "[recording]") {
+  const Noise noise;
+  std::filesystem::remove(noise.folder / "images/exposures.csv");
+  const auto write = [&](double step) {
+    std::string text;
+    for (int i = 0; i < noise.count; ++i)
+      text += concat(1 + step * (i == 4 ? 3 : i), " images/f", i, ".png\n");
+    noise.dir.write("a/images.txt", text);
+  };
+  write(0.04);
+  CHECK_THAT(error_of([&] { noise.notes(); }), test::naming("f3.png and f4.png", "1120000 us"));
+  // A driver that wrote no times is another fault, with its own message.
+  std::string zeros;
+  for (int i = 0; i < noise.count; ++i) zeros += concat("0 images/f", i, ".png\n");
+  noise.dir.write("a/images.txt", zeros);
+  CHECK_THAT(noise.notes(), test::naming("stamp of 0"));
+}

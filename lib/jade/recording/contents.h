@@ -112,7 +112,8 @@ void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
                    std::vector<FrameFile>& files, Recording& recording);
 
 /// Completes exposures from options and trigger edges if the recording's fields lack them.
-/// @throws DataError for frames of other sources that remain without a time.
+/// @throws DataError for frames of other sources that remain without a time, and naming two frames
+///   with the same time.
 void complete_exposures(const ReadOptions& options, Contents& contents);
 
 /// Selects the channel of the trigger input with the most edges, and notes the others.

@@ -128,6 +128,29 @@ void apply_triggers(const ReadOptions& options, Contents& contents) {
       concat("exposures are those of ", pulses.size(), " pulses of the trigger input"));
 }
 
+/// Stamps of 0 mean that a driver wrote no times, which has a message of its own.
+/// @throws DataError naming two frames with the same time.
+void check_own_times(const fs::path& source, const std::vector<FrameFile>& files) {
+  std::vector<const FrameFile*> timed;
+  for (const FrameFile& file : files) {
+    if (file.time) timed.push_back(&file);
+  }
+  const auto key = [](const FrameFile* file) {
+    return std::pair(file->time->begin_us, file->time->end_us);
+  };
+  std::stable_sort(timed.begin(), timed.end(),
+                   [&](const FrameFile* a, const FrameFile* b) { return key(a) < key(b); });
+  const auto same =
+      std::adjacent_find(timed.begin(), timed.end(), [&](const FrameFile* a, const FrameFile* b) {
+        return key(a) == key(b) && key(a) != std::pair(int64_t(0), int64_t(0));
+      });
+  if (same == timed.end()) return;
+  throw DataError(concat(source.string(), ": expected a time of its own for each frame, found ",
+                         same[0]->path.filename().string(), " and ",
+                         same[1]->path.filename().string(), " both at ", same[0]->time->begin_us,
+                         " us; correct their times, with more digits if they were rounded"));
+}
+
 }  // namespace
 
 void choose_channel(const fs::path& path, const std::map<int64_t, Triggers>& channels,
@@ -173,6 +196,7 @@ void complete_exposures(const ReadOptions& options, Contents& contents) {
     apply_exposures(options.frame_times, read_exposures(options.frame_times), files,
                     recording.notes);
   apply_triggers(options, contents);
+  check_own_times(options.frames.empty() ? recording.source : options.frames, files);
   const auto length = std::llround(1e3 * options.exposure_ms);
   for (FrameFile& file : files) {
     if (length > 0 && file.time && file.time->duration_us() == 0)
