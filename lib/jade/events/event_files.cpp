@@ -14,6 +14,7 @@
 #include "jade/core/machine_memory.h"
 #include "jade/events/event_group.h"
 #include "jade/events/raw_events.h"
+#include "jade/events/stream_faults.h"
 #include "jade/events/time_faults.h"
 
 namespace jade::events {
@@ -150,9 +151,12 @@ torch::Tensor to_us(const torch::Tensor& time, TimeUnit unit) {
   return time;
 }
 
-bool is_sorted_in_time(const torch::Tensor& t_us) {
-  const int64_t* t = t_us.const_data_ptr<int64_t>();
-  return std::is_sorted(t, t + t_us.numel());
+ClockOrder order_of(const torch::Tensor& t_us) {
+  const int64_t* const t = t_us.const_data_ptr<int64_t>();
+  ClockOrder order;
+  if (std::is_sorted(t, t + t_us.numel())) return order;
+  std::for_each(t, t + t_us.numel(), [&](int64_t time) { order.add(time); });
+  return order;
 }
 
 double in_unit(int64_t us, TimeUnit unit) {
@@ -401,10 +405,10 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   all.sensor = raw.size;
   raw.time = to_us(raw.time, result.time_unit);
   if (range.has_fraction) continue_counter(path, raw.time, result);
-  result.was_unsorted = !is_sorted_in_time(raw.time);
+  const ClockOrder order = order_of(raw.time);
+  result.was_unsorted = !order.sorted();
   if (result.was_unsorted) {
-    result.warnings.push_back(
-        concat(path.string(), ": event times were not in order; they have been sorted"));
+    result.warnings.push_back(concat(path.string(), ": ", order.fault()));
     result.events = sort_events(raw.x, raw.y, raw.time, raw.polarity);
   } else {
     result.events = EventStream(raw.x, raw.y, raw.time, raw.polarity);

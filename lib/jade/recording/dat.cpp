@@ -14,6 +14,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/events/stream_faults.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -96,9 +97,10 @@ bool is_in(const Kept& kept, int64_t t_us) {
 
 void read_dat_events(const fs::path& path, const DatHeader& header, const Kept& kept,
                      const ReadOptions& options, Recording& recording) {
-  int64_t count = 0, backwards = 0, latest_us = INT64_MIN, earliest_us = INT64_MAX;
+  int64_t count = 0, latest_us = INT64_MIN, earliest_us = INT64_MAX;
+  events::ClockOrder order;
   for_each_dat_event(path, header, [&](int64_t t_us, uint32_t) {
-    backwards += t_us < latest_us;
+    order.add(t_us);
     latest_us = std::max(latest_us, t_us), earliest_us = std::min(earliest_us, t_us);
     count += is_in(kept, t_us);
   });
@@ -120,12 +122,9 @@ void read_dat_events(const fs::path& path, const DatHeader& header, const Kept& 
         ps[at] = (old ? word >> 17 & 1 : word >> 28 & 1) != 0 ? 1 : -1;
         ts[at++] = t_us;
       });
-  if (backwards > 0) {
-    recording.notes.push_back(
-        concat(path.string(), ": event times were not in order; they have been sorted"));
-  }
+  if (!order.sorted()) recording.notes.push_back(concat(path.string(), ": ", order.fault()));
   recording.events =
-      backwards > 0 ? events::sort_events(x, y, t, p) : events::EventStream(x, y, t, p);
+      order.sorted() ? events::EventStream(x, y, t, p) : events::sort_events(x, y, t, p);
   const events::TimeWindow span =
       header.records > 0 ? events::TimeWindow{earliest_us, latest_us + 1} : events::TimeWindow{};
   note_stored(header.records, span, options.most_events, recording);

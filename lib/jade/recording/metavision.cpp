@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/events/stream_faults.h"
 #include "jade/events/time_survey.h"
 #include "jade/io/hdf5.h"
 #include "jade/recording/contents.h"
@@ -68,8 +69,10 @@ void read_records(const fs::path& path, const Kept& kept, const ReadOptions& opt
   torch::Tensor p = read_column<int8_t>(file, "p", stretches, torch::kInt8);
   p = p.gt(0).to(torch::kInt8).mul(2).sub(1);
   if (!survey.sorted()) {
-    recording.notes.push_back(
-        concat(path.string(), ": event times were not in order; they have been sorted"));
+    events::ClockOrder order;
+    const int64_t* const times = t.const_data_ptr<int64_t>();
+    std::for_each(times, times + t.numel(), [&](int64_t time) { order.add(time); });
+    if (!order.sorted()) recording.notes.push_back(concat(path.string(), ": ", order.fault()));
   }
   recording.events =
       survey.sorted() ? events::EventStream(x, y, t, p) : events::sort_events(x, y, t, p);

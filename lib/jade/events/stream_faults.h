@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Faults of whole streams of events, as one line for the user.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "jade/events/event_stream.h"
+
+namespace jade::events {
+
+/// A fault of streams with hardly any events of one polarity: in the view of a moving camera,
+/// pixels get darker about as often as brighter. Empty otherwise.
+std::string polarity_fault(const EventStream& events);
+
+/// Follows event times in the order of a file, and finds where they go back.
+class ClockOrder {
+ public:
+  void add(int64_t t_us);
+
+  bool sorted() const { return backwards_ == 0; }
+
+  /// A fault of unsorted times, which the caller sorts. If they go back by more than 10 ms and stay
+  /// there, names the largest such step; single damaged times are no such step. Empty for sorted
+  /// times.
+  std::string fault() const;
+
+ private:
+  struct Step {
+    int64_t index = 0, from_us = 0, to_us = 0;
+    double back_us() const { return double(from_us) - double(to_us); }
+  };
+  void keep(const Step& step);
+
+  int64_t count_ = 0, backwards_ = 0, jumps_ = 0, before_us_ = 0;
+  double ahead_us_ = 0;   ///< length of the last step, negative backwards
+  bool is_open_ = false;  ///< whether the last step is `open_`, which the next may undo
+  Step open_, largest_;
+};
+
+}  // namespace jade::events

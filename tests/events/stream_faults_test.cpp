@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/events/stream_faults.h"
+
+#include "support/catch.h"
+
+#include <torch/types.h>
+#include <vector>
+
+#include "support/naming.h"
+
+using namespace jade;
+using namespace jade::events;
+
+namespace {
+
+std::string fault_of(const std::vector<int64_t>& times) {
+  ClockOrder order;
+  for (const int64_t t : times) order.add(t);
+  CHECK(order.sorted() == std::is_sorted(times.begin(), times.end()));
+  return order.fault();
+}
+
+std::vector<int64_t> steady(int64_t count) {
+  std::vector<int64_t> times;
+  for (int64_t i = 0; i < count; ++i) times.push_back(1000 * i);
+  return times;
+}
+
+}  // namespace
+
+TEST_CASE("stream faults: one polarity only", "[events]") {
+  const torch::Tensor place = torch::zeros({2000}), t = torch::arange(2000);
+  const auto fault = [&](int64_t brighter) {
+    const torch::Tensor p = torch::arange(2000).lt(brighter).to(torch::kInt8) * 2 - 1;
+    return polarity_fault({place, place, t, p.to(torch::kInt8)});
+  };
+  CHECK_THAT(fault(2000), test::naming("2000 of 2000", "one polarity"));
+  CHECK_THAT(fault(1), test::naming("1 of 2000", "1999 of getting darker"));
+  CHECK(fault(1000).empty());
+  CHECK(polarity_fault({}).empty());
+}
+
+TEST_CASE("stream faults: a clock that restarts is located", "[events]") {
+  CHECK(fault_of({}).empty());
+  CHECK(fault_of(steady(100)).empty());
+  std::vector<int64_t> times = steady(100);
+  for (size_t i = 60; i < 100; ++i) times[i] -= 40000;
+  CHECK_THAT(fault_of(times), test::naming("go back by 0.039 s at event 60 of 100",
+                                           "from 59000 to 20000 us", "restarted"));
+  for (size_t i = 80; i < 100; ++i) times[i] -= 30000;
+  CHECK_THAT(fault_of(times), test::naming("at event 60", "the largest of 2 such jumps"));
+}
+
+TEST_CASE("stream faults: packets and single damaged times are no restart", "[events]") {
+  std::vector<int64_t> times = steady(100);
+  std::swap(times[20], times[25]);
+  CHECK(fault_of(times) == "event times were not in order; they have been sorted");
+  times = steady(100);
+  times[30] = 900000;
+  times[50] = 0;
+  CHECK(fault_of(times) == "event times were not in order; they have been sorted");
+}
