@@ -311,6 +311,19 @@ TEST_CASE("damage: blank and repeated frames are named", "[data]") {
   CHECK(mentions(scene.warnings(), "1 of 6 identical to the frame before (the first is 01)"));
 }
 
+TEST_CASE("damage: events in a part of the frames are named", "[data]") {
+  Scene scene;
+  const auto squeeze = [&](double divisor) {
+    scene.rewrite_events([&](test::RawEvents& raw) {
+      for (size_t i = 0; i < raw.x.size(); ++i)
+        raw.x[i] = std::floor(raw.x[i] / divisor), raw.y[i] = std::floor(raw.y[i] / divisor);
+    });
+    return scene.warnings();
+  };
+  CHECK_FALSE(mentions(squeeze(1), "expected events all over"));
+  CHECK(mentions(squeeze(2), "expected events all over the 21x13 frames"));
+}
+
 TEST_CASE("damage: times whose set unit makes exposures of seconds are refused", "[data]") {
   Scene scene;
   scene.options.time_unit = events::TimeUnit::kS;

@@ -204,6 +204,26 @@ TEST_CASE("importer: frames of no length are sharp images", "[import]") {
   CHECK(images == 5 * 3 + 1);
 }
 
+TEST_CASE("importer: exposures without events are named where their length is measured",
+          "[import]") {
+  const test::TempDir dir;
+  simulate::SimulateRun run = small_run();
+  run.simulate.exposures = 8;
+  simulate::SimulateResult made = simulate::simulate(run);
+  const data::Exposure lost = made.content.train[4];
+  const events::EventStream all = made.content.events;
+  const torch::Tensor kept =
+      all.t_us().lt(lost.t_start_us - 9000).logical_or(all.t_us().gt(lost.t_end_us + 9000));
+  made.content.events = {all.x().masked_select(kept), all.y().masked_select(kept),
+                         all.t_us().masked_select(kept), all.polarity().masked_select(kept)};
+  simulate::write_recording(made, run, dir / "table");
+  fs::remove(dir / "table/exposures.csv");
+  set_log_file(dir / "said.log");
+  import::import_recording(options_for(dir / "table", dir / "colmap"), dir / "out", {"", "time"});
+  set_log_file({});
+  CHECK_THAT(read_file(dir / "said.log"), test::naming("1 of 8 exposures have no events"));
+}
+
 TEST_CASE("importer: a span without frames is named", "[import]") {
   const test::TempDir dir;
   simulate::SimulateRun run = small_run();

@@ -418,3 +418,24 @@ TEST_CASE("recording: two frames with one time are refused by name", "[recording
   noise.dir.write("a/images.txt", zeros);
   CHECK_THAT(noise.notes(), test::naming("stamp of 0"));
 }
+
+TEST_CASE("recording: exposures without events between others are noted", "[recording]") {
+  const Noise noise;
+  CHECK_THAT(noise.notes(), !test::naming("have no events"));
+  noise.write_events([](int64_t t) { return t < 1070000 || t > 1145000; });
+  CHECK_THAT(noise.notes(), test::naming("2 of 6 exposures have no events (the first is f2)"));
+}
+
+TEST_CASE("recording: events of one polarity or of a part of the frames are noted", "[recording]") {
+  const Noise noise;
+  CHECK_THAT(noise.notes(), !test::naming("polarity"));
+  CHECK_THAT(noise.notes(), !test::naming("expected events all over"));
+  const auto always = [](int64_t) { return true; };
+  noise.write_events(always, 16, true);
+  CHECK_THAT(noise.notes(), test::naming("3000 of 3000", "one polarity only"));
+  // The last columns have a few events, so that the sensor's size is known.
+  noise.write_events(always, 8);
+  std::string text = read_file(noise.folder / "events.csv");
+  noise.dir.write("a/events.csv", text + "1279999,15,11,1\n");
+  CHECK_THAT(noise.notes(), test::naming("16x12", "% of their width"));
+}

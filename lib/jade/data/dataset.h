@@ -73,11 +73,12 @@ void describe(V& v, DatasetOptions& o) {
 }
 
 /// Reads a data set of any kind. Problems that can be repaired or ignored become one line each in
-/// `warnings` (which may be null): events that are unsorted, outside the image or the recording, of
-/// one polarity, or not finite; exposures without events; poses that had to be interpolated or
-/// extended; a single exposure; a colour filter for the events of gray frames, which is ignored.
-/// Exposures that held_out.txt in the folder names go to Dataset::held_out. Pixels under the masks
-/// of frames (masks.h) have no effect: they are 0 and have no events.
+/// `warnings` (which may be null): events that are unsorted, outside the image or the recording, in
+/// a part of the image only, of one polarity, or not finite; exposures without events; frames that
+/// are black, white or repeated; poses that had to be interpolated or extended; a single exposure;
+/// a colour filter for the events of gray frames, which is ignored. Exposures that held_out.txt in
+/// the folder names go to Dataset::held_out. Pixels under the masks of frames (masks.h) have no
+/// effect: they are 0 and have no events.
 /// @throws DataError with the path and the fix for other problems: files that are missing,
 ///   truncated or unreadable, counts and sizes that differ, missing poses of an exposure, times
 ///   that do not overlap in any unit, held-out names that match no exposure, or match all.

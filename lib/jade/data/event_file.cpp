@@ -10,6 +10,8 @@
 #include "jade/core/error.h"
 #include "jade/data/named_files.h"
 #include "jade/events/event_files.h"
+#include "jade/events/stream_faults.h"
+#include "jade/imaging/event_cover.h"
 #include "jade/io/hdf5.h"
 
 namespace jade::data {
@@ -41,21 +43,6 @@ void check_inside(const events::EventStream& events, const geometry::Intrinsics&
                camera.width, "x", camera.height,
                " image and are ignored; if that is not meant, x and y may be swapped, or belong to "
                "another resolution or to the raw sensor");
-}
-
-/// Warns of unbalanced polarities: in the view of a moving camera, pixels get darker about as often
-/// as brighter.
-void check_polarity(const events::EventStream& events, const fs::path& path,
-                    const Warnings& warnings) {
-  constexpr int64_t kFew = 100;      // fewer events are inconclusive
-  constexpr int64_t kRarest = 1000;  // least share of a polarity, one in this many
-  const int64_t all = events.size();
-  const int64_t up = events.polarity().gt(0).sum().item<int64_t>();
-  if (all < kFew || std::min(up, all - up) * kRarest >= all) return;
-  warnings.add(
-      path.string(), ": ", up, " of ", all, " events are of getting brighter, ", all - up,
-      " of getting darker; expected some of both: 1 and 0, or 1 and -1. Does the file hold "
-      "one polarity only?");
 }
 
 events::EventStream cut(const events::EventStream& events, const EventSpan& keep,
@@ -143,7 +130,11 @@ void attach_events(const DatasetOptions& options, const EventSpan& exposures, co
   events::EventFileResult result = events::read_events(path, file_options);
   for (const std::string& line : result.warnings) warnings.add(line);
   check_inside(result.events, camera, path, warnings);
-  check_polarity(result.events, path, warnings);
+  for (const std::string& fault :
+       {events::polarity_fault(result.events),
+        imaging::cover_fault(result.events, data.train[data.train.size() / 2].blurry)}) {
+    if (!fault.empty()) warnings.add(path.string(), ": ", fault);
+  }
   data.events = cut(result.events, keep, path, warnings);
   std::vector<std::string> without;
   for (Exposure& exposure : data.train) {

@@ -24,7 +24,7 @@ std::filesystem::path find_event_file(const DatasetOptions& options);
 /// Loads the recording into data.events, in the time unit that matches `exposures` (first start to
 /// last end), drops events outside `keep`, and gives each exposure in data.train its slice. Warns
 /// of events that lie outside the image or are not finite, of recordings with hardly any events of
-/// one polarity, and of exposures without events.
+/// one polarity or events in a part of the image only, and of exposures without events.
 /// @throws DataError as load_dataset.
 void attach_events(const DatasetOptions& options, const EventSpan& exposures, const EventSpan& keep,
                    const Warnings& warnings, Dataset& data);

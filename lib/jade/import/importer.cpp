@@ -220,6 +220,21 @@ void check_clocks(const Capture& capture) {
   }
 }
 
+/// Warns of exposures without events. Reading notes them if the recording has the exposures'
+/// lengths.
+void tell_pauses(const Capture& capture) {
+  size_t without = 0;
+  std::string first;
+  for (const Shot& shot : capture.shots) {
+    if (shot.duration_us() == 0) continue;
+    if (!capture.events.slice(shot.t_start_us, shot.t_end_us).empty()) continue;
+    if (without++ == 0) first = shot.name;
+  }
+  if (without == 0) return;
+  log_warn(concat(without, " of ", capture.shots.size(), " exposures have no events (the first is ",
+                  first, "); did the recording lose events, or the camera stand still?"));
+}
+
 /// Copies a calibration found beside the recording into the stage's folder.
 void keep_calibration(const fs::path& folder, const recording::Recording& recording) {
   if (!recording.calibration) return;
@@ -423,6 +438,7 @@ Stage time_stage(const ImportOptions& options, Progressed& so_far) {
             set_exposures(times.exposures, moved);
             set_clock(times.clock.offset_ms, moved);
             check_clocks(moved);
+            if (lacks_exposures(so_far.capture)) tell_pauses(moved);
             keep(folder, times.clock, times.exposures);
             return concat(times.exposures.said.empty() ? "" : times.exposures.said + ", ",
                           "events ahead by ", times.clock.offset_ms, " ms (", times.clock.said,

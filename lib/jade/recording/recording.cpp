@@ -8,6 +8,8 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/events/stream_faults.h"
+#include "jade/imaging/event_cover.h"
 #include "jade/recording/contents.h"
 #include "jade/recording/format.h"
 
@@ -231,6 +233,37 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
                                    covered == 0 ? "; the two clocks may differ" : ""));
 }
 
+/// Notes exposures without events among those that the events cover.
+/// @param ahead_us  of the events' clock relative to the frames'
+void note_pauses(int64_t ahead_us, Recording& recording) {
+  if (recording.events.empty()) return;
+  const int64_t first = recording.events.first_us(), last = recording.events.last_us();
+  std::vector<std::string> without;
+  for (const Frame& frame : recording.frames) {
+    const int64_t begin = frame.t_start_us + ahead_us, end = frame.t_end_us + ahead_us;
+    if (begin >= end || begin < first || end > last) continue;
+    if (recording.events.slice(begin, end).empty()) without.push_back(frame.name);
+  }
+  if (without.empty()) return;
+  recording.notes.push_back(concat(without.size(), " of ", recording.frames.size(),
+                                   " exposures have no events (the first is ", without.front(),
+                                   "), although events come before and after; did the recording "
+                                   "lose events, or the camera stand still?"));
+}
+
+/// Notes faults of the events as a whole.
+void note_events(Recording& recording) {
+  std::vector<std::string> faults{events::polarity_fault(recording.events)};
+  if (!recording.frames.empty()) {
+    const torch::Tensor& image = recording.frames[recording.frames.size() / 2].image;
+    const bool shared = recording.width == image.size(2) && recording.height == image.size(1);
+    if (shared) faults.push_back(imaging::cover_fault(recording.events, image));
+  }
+  for (const std::string& fault : faults) {
+    if (!fault.empty()) recording.notes.push_back(fault);
+  }
+}
+
 /// Folder that may contain masks of the frames.
 fs::path mask_root(const fs::path& path, const ReadOptions& options, const Contents& contents) {
   const auto whole = [](const fs::path& folder) {
@@ -283,6 +316,8 @@ Recording read_recording(const fs::path& path, const ReadOptions& options) {
   if (recording.stored_events == 0) recording.notes.push_back("there are no events");
   note_frames(recording);
   note_clocks(options, recording);
+  note_pauses(options.near_frames_ahead_us.value_or(0), recording);
+  note_events(recording);
   return std::move(recording);
 }
 
