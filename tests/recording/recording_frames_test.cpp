@@ -439,3 +439,21 @@ TEST_CASE("recording: events of one polarity or of a part of the frames are note
   noise.dir.write("a/events.csv", text + "1279999,15,11,1\n");
   CHECK_THAT(noise.notes(), test::naming("16x12", "% of their width"));
 }
+
+TEST_CASE("recording: names with blanks in a list of times", "[recording]") {
+  const Noise noise;
+  std::filesystem::remove(noise.folder / "images/exposures.csv");
+  std::string text;
+  for (int i = 0; i < noise.count; ++i) {
+    std::filesystem::rename(noise.folder / concat("images/f", i, ".png"),
+                            noise.folder / concat("images/f ", i, ".png"));
+    const char* const quote = i == 1 ? "\"" : "";
+    text += concat(1 + 0.04 * i, " ", quote, "images/f ", i, ".png", quote, i == 2 ? " 0 0" : "",
+                   i == 3 ? "\r\n" : "\n");
+  }
+  noise.dir.write("a/images.txt", text);
+  const Recording recording = read_recording(noise.folder);
+  REQUIRE(recording.frames.size() == 6);
+  CHECK(recording.frames[2].name == "f 2");
+  CHECK(recording.frames[5].t_start_us == 1200000);
+}

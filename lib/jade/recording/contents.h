@@ -99,9 +99,9 @@ void replace_frames(const std::filesystem::path& path, const ReadOptions& option
 /// Removes the UTF-8 byte order mark that spreadsheets put before the first line.
 std::string without_mark(const std::string& text);
 
-/// Reads images.txt: one line per image with a time and a path. Times are in seconds; whole numbers
-/// more than 1000 apart on average are µs or ns, which is noted. Notes images that are
-/// listed twice or missing, and unlisted ones of the folder; all are skipped.
+/// Reads images.txt: one line per image with a time and a path, which may have blanks. Times are in
+/// seconds; whole numbers more than 1000 apart on average are µs or ns, which is noted. Notes
+/// images that are listed twice or missing, and unlisted ones of the folder; all are skipped.
 /// @throws DataError naming the line.
 std::vector<FrameFile> listed_images(const std::filesystem::path& list,
                                      std::vector<std::string>& notes);

@@ -73,6 +73,25 @@ fs::path listed_file(const fs::path& folder, const fs::path& name) {
   return folder / name;
 }
 
+/// The file of a list's line after the time: all of it or, if there is no such file, the part
+/// before a blank that other columns may follow. Names with blanks may be quoted.
+fs::path file_of_line(const fs::path& folder, std::string text) {
+  constexpr const char* kBlanks = " \t\r";
+  text.erase(0, std::min(text.size(), text.find_first_not_of(kBlanks)));
+  if (!text.empty() && text[0] == '"') {
+    const auto end = text.find('"', 1);
+    return end == std::string::npos ? fs::path() : fs::path(text.substr(1, end - 1));
+  }
+  for (std::string name = text; !name.empty();) {
+    name.erase(name.find_last_not_of(kBlanks) + 1);
+    if (stays_inside(name) && fs::is_regular_file(listed_file(folder, name))) return name;
+    const auto blank = name.find_last_of(kBlanks);
+    if (blank == std::string::npos) break;
+    name.erase(blank);
+  }
+  return text.substr(0, text.find_first_of(kBlanks));
+}
+
 /// Skips images that are missing or listed twice, and notes them. If all are missing, the image
 /// reader reports the first.
 void tidy_list(const fs::path& list, std::vector<FrameFile>& files,
@@ -139,11 +158,13 @@ std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::stri
     // Lists from Windows have backslashes.
     std::replace(line.begin(), line.end(), '\\', '/');
     std::istringstream words(line);
-    std::string time, name;
+    std::string time, rest;
     if (!(words >> time) || time[0] == '#') continue;
+    std::getline(words, rest);
+    const fs::path name = file_of_line(list.parent_path(), rest);
     double value = 0;
     const auto [end, error] = std::from_chars(time.data(), time.data() + time.size(), value);
-    if (error != std::errc() || end != time.data() + time.size() || !(words >> name) ||
+    if (error != std::errc() || end != time.data() + time.size() || name.empty() ||
         !std::isfinite(value) || !stays_inside(name)) {
       throw DataError(concat(list.string(), ":", number,
                              ": expected \"seconds images/NAME\" of an image; correct "
