@@ -99,8 +99,12 @@ TEST_CASE("pace: minutes become steps and moments", "[run]") {
   // Restoration takes at most a third of the time, and steps get the rest.
   const train::RunOptions restored = fitted(0.1, 0.25);
   CHECK(restored.objective.restored_poses == RestoredPoses::kNine);
-  CHECK(restored.exposure.samples == 9);  // of 17 there would be 3,700 steps
-  CHECK(restored.train.iterations == 8500);
+  CHECK(restored.exposure.samples == 17);
+  CHECK(restored.train.iterations == 4500);  // nine moments of each frame take 90 s
+  const train::RunOptions fewer = fitted(0.12, 0.25);
+  CHECK(fewer.objective.restored_poses == RestoredPoses::kNine);
+  CHECK(fewer.exposure.samples == 9);  // of 17 there would be 3,750 steps
+  CHECK(fewer.train.iterations == 7080);
   CHECK(fitted(0.1, 2).objective.restored_poses == RestoredPoses::kMiddle);
   const train::RunOptions named = fitted(0.34, 0, {{"train.iterations", "exposure.samples"}});
   CHECK((named.train.iterations == 4000 && named.exposure.samples == 17));
