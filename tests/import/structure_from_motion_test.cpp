@@ -116,6 +116,30 @@ TEST_CASE("poses: an attempt that leaves out images is repeated with a held foca
   CHECK(result.warning.empty());
 }
 
+TEST_CASE("poses: an implausible focal length gives way to a held one that explains as much",
+          "[import]") {
+  // With a free focal length the mapper finds that of a telescope.
+  std::string far = mapper_of(4);
+  far.replace(far.find("60 40 50 30 20"), 14, "60 40 900 30 20");
+  const auto find = [&](int held_images) {
+    return Search("case \"$*\" in *refine_focal_length\\ 0*)\n" + mapper_of(held_images) +
+                  ";; *)\n" + far + ";; esac")
+        .find();
+  };
+  const import::SearchResult settled = find(4);
+  REQUIRE(settled.attempts.size() == 2);
+  CHECK(settled.attempts[settled.chosen].name == "repeated");
+  CHECK(settled.best.camera.fx == Approx(25));
+  CHECK_THAT(settled.warning, Catch::Contains("450 px, a view of 4 degrees") &&
+                                  Catch::Contains("25 px was assumed"));
+  // A held focal length that leaves out an image is not the camera's.
+  const import::SearchResult kept = find(3);
+  CHECK(kept.attempts[kept.chosen].name == "usual");
+  CHECK(kept.best.camera.fx == Approx(450));
+  CHECK_THAT(kept.warning,
+             Catch::Contains("450 px") && Catch::Contains("may be wrong; pass --calibration"));
+}
+
 TEST_CASE("poses: an image far off its neighbours is left out if it sees other points",
           "[import]") {
   struct Case {

@@ -43,6 +43,11 @@ constexpr double kClearlyBetter = 0.01;
 /// recording was a later attempt better than such a one, and each takes as long: after one of 82 %
 /// two worse ones followed.
 constexpr double kNearlyAll = 0.95, kWellExplained = 0.6;
+/// An estimated focal length with another angle of view of the longer side is doubted: six of
+/// seven imports of slider_depth found 185 to 348 px, one 1,805 px, a view of 7 degrees.
+constexpr double kNarrowest_deg = 15, kWidest_deg = 120;
+/// A held focal length replaces a doubted one unless this much less of the blur is explained.
+constexpr double kHeldMargin = 0.05;
 /// Number of frames used for checks.
 constexpr size_t kChecked = 8;
 /// Less motion between all frames counts as none, px.
@@ -244,6 +249,20 @@ bool is_enough(const Attempt& a, size_t made) {
   return is_good(a) && (made > 1 || a.registered == a.images);
 }
 
+/// Angle of view of the longer side, degrees.
+double view_of(const geometry::Intrinsics& camera) {
+  return 2 * std::atan(0.5 * std::max(camera.width, camera.height) / camera.fx) * 180 / M_PI;
+}
+
+bool is_doubtful(const geometry::Intrinsics& camera) {
+  return view_of(camera) < kNarrowest_deg || view_of(camera) > kWidest_deg;
+}
+
+std::string focal_text(const geometry::Intrinsics& camera) {
+  return concat(readable(camera.fx, 4), " px, a view of ", std::lround(view_of(camera)),
+                " degrees");
+}
+
 std::string sentence(const Attempt& a) {
   if (!a.problem.empty()) return concat(a.name, ": ", a.problem);
   return concat(a.name, ": ", a.registered, " of ", a.images, " images, ",
@@ -414,7 +433,8 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
   const ColmapJob job = job_of(latents, images, capture, options, work);
   SearchResult result;
   Attempt chosen;
-  std::string matched;  // flags of the extracted features
+  bool doubted = false;  // the focal length of the chosen one
+  std::string matched;   // flags of the extracted features
   fs::path folder;
   for (const ColmapSettings& settings : attempts()) {
     // With a known focal length the repetition has the flags and seeds of the attempt before. If
@@ -464,21 +484,31 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
         found = std::move(r);
       }
     }
+    const bool held = settings.hold_focal_length && !job.camera;
+    const bool settles = doubted && held && explains_blur(best) &&
+                         best.registered >= chosen.registered &&
+                         best.explained_blur >= chosen.explained_blur - kHeldMargin;
     if (best.registered > 0 &&
-        (result.best.poses.empty() || is_better(best, chosen, kClearlyBetter))) {
+        (result.best.poses.empty() || settles || is_better(best, chosen, kClearlyBetter))) {
+      const std::string why = settles ? concat("found ", focal_text(result.best.camera))
+                                      : std::string("left out images");
       result.best = std::move(found);
+      doubted = !held && !job.camera && is_doubtful(result.best.camera);
       chosen = best;
       result.chosen = result.attempts.size();
-      result.warning = settings.hold_focal_length && !capture.camera
-                           ? concat("poses: with a free focal length COLMAP left out images, so ",
-                                    readable(result.best.camera.fx, 3),
-                                    " px was assumed; pass --calibration if you have one")
-                           : "";
+      result.warning = held      ? concat("poses: with a free focal length COLMAP ", why, ", so ",
+                                          readable(result.best.camera.fx, 3),
+                                          " px was assumed; pass --calibration if you have one")
+                       : doubted ? concat("poses: COLMAP found a focal length of ",
+                                          focal_text(result.best.camera),
+                                          ", which may be wrong; pass --calibration")
+                                 : "";
     }
     log_info(concat("  ", sentence(best), ", ", best.points, " points, ", best.observations,
                     " observations, error ", readable(best.error_px, 2), " px"));
     result.attempts.push_back(best);
-    if (is_enough(chosen, result.attempts.size())) break;
+    const bool repeats = doubted && result.attempts.size() == 1;
+    if (is_enough(chosen, result.attempts.size()) && !repeats) break;
     // Two agreeing signs: the frames do not move, and COLMAP finds no initial pair.
     if (stands_still(motion) && best.registered == 0) break;
   }
