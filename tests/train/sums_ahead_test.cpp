@@ -10,15 +10,26 @@
 namespace jade::train {
 namespace {
 
-TEST_CASE("sums ahead: each exposure's in its turn, on threads or not", "[train]") {
+TEST_CASE("sums ahead: each exposure's in its turn with what is cached, on threads or not",
+          "[train]") {
   test::TinyDatasetOptions tiny;
   tiny.exposures = 7;
   const test::TinyScene scene(tiny);
   const data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);
-  const restore::RestoreOptions options;
-  const restore::RestorerMetadata network;
+  const train::RunOptions run = test::all_poses_options(scene);
+  restore::RestoreOptions options;
+  options.times = {0, 0.5, 1};
+  const restore::ViewRestorer restorer(run.cache, run.efnet, torch::kCPU);
+  const restore::RestorerMetadata& network = restorer.metadata();
+  const auto network_input = [&](const data::Exposure& exposure) {
+    return restore::sum_events(exposure, dataset.events, options, &network).network;
+  };
+  const data::Exposure& known = dataset.train[3];
+  // Its destructor waits until the entry is written.
+  const torch::Tensor restored = restore::ViewRestorer(run.cache, run.efnet, torch::kCPU)
+                                     .efnet(known.blurry, network_input(known), options.times);
   for (const std::launch policy : {std::launch::async, std::launch::deferred}) {
-    SumsAhead sums(dataset, options, &network, policy);
+    SumsAhead sums(dataset, options, restorer, policy);
     torch::Tensor before;
     for (const data::Exposure& exposure : dataset.train) {
       const restore::ExposureSums found = sums.next();
@@ -27,6 +38,8 @@ TEST_CASE("sums ahead: each exposure's in its turn, on threads or not", "[train]
       CHECK(found.maps.density.equal(expected.maps.density));
       CHECK(found.windows.equal(expected.windows));
       CHECK(found.network.equal(expected.network));
+      CHECK(found.kept.defined() == (&exposure == &known));
+      if (found.kept.defined()) CHECK(found.kept.equal(restored));
       CHECK_FALSE((before.defined() && before.equal(found.maps.density)));
       before = found.maps.density;
     }
@@ -41,7 +54,8 @@ TEST_CASE("sums ahead: what one throws is reported in its turn, and leaving earl
   data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);
   dataset.train[1].camera.width = 0;
   const restore::RestoreOptions options;
-  SumsAhead sums(dataset, options, nullptr, std::launch::async);
+  const restore::ViewRestorer no_network({false, {}, 1}, std::nullopt, torch::kCPU);
+  SumsAhead sums(dataset, options, no_network, std::launch::async);
   CHECK(sums.next().maps.density.defined());
   CHECK_THROWS(sums.next());
 }

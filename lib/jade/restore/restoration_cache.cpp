@@ -64,6 +64,22 @@ void write_entry(const fs::path& path, const torch::Tensor& image) {
   file.commit();
 }
 
+/// Reads an entry and marks it as used. @param problem  set if there is one that cannot be read
+std::optional<torch::Tensor> read_entry(const fs::path& path, torch::IntArrayRef shape,
+                                        std::string* problem) {
+  std::error_code missing;
+  if (!fs::is_regular_file(path, missing)) return std::nullopt;
+  torch::Tensor image;
+  try {
+    *problem = parse(read_file(path), shape, &image);
+  } catch (const DataError& error) {  // removed meanwhile, or not readable
+    *problem = error.what();
+  }
+  if (!problem->empty()) return std::nullopt;
+  fs::last_write_time(path, fs::file_time_type::clock::now(), missing);
+  return image;
+}
+
 fs::path folder_of(const RestorationCacheOptions& options) {
   return options.folder.empty() ? cache_folder() / "restorations" : options.folder;
 }
@@ -118,6 +134,7 @@ bool is_cached(const RestorationCacheOptions& options, const std::string& key) {
 RestorationCache::RestorationCache(const RestorationCacheOptions& options)
     : max_bytes_(options.max_mib << 20) {
   if (!options.enabled) return;
+  is_on_ = true;
   folder_ = folder_of(options);
   try {
     make_writable_folder(folder_);
@@ -138,38 +155,33 @@ void RestorationCache::finish_writing() {
 void RestorationCache::give_up(const std::string& why) {
   log_warn(concat("restorations are not kept for the next run: ", why));
   prune();  // the last chance to prune
-  folder_.clear();
+  is_on_ = false;
 }
 
 std::optional<torch::Tensor> RestorationCache::find(const std::string& key,
                                                     torch::IntArrayRef shape) {
-  if (folder_.empty()) return std::nullopt;
+  if (!is_on_) return std::nullopt;
   if (key == writing_key_) finish_writing();
-  const fs::path path = file_of(folder_, key);
-  std::error_code missing;
-  if (fs::is_regular_file(path, missing)) {
-    torch::Tensor image;
-    std::string problem;
-    try {
-      problem = parse(read_file(path), shape, &image);
-    } catch (const DataError& error) {  // removed meanwhile, or not readable
-      problem = error.what();
-    }
-    if (problem.empty()) {
-      ++hits_;
-      fs::last_write_time(path, fs::file_time_type::clock::now(), missing);
-      return image;
-    }
-    log_warn(concat(path.string(), ": ", problem, "; it is made again"));
+  std::string problem;
+  std::optional<torch::Tensor> image = read_entry(file_of(folder_, key), shape, &problem);
+  if (!problem.empty()) {
+    log_warn(concat(file_of(folder_, key).string(), ": ", problem, "; it is made again"));
   }
-  ++misses_;
-  return std::nullopt;
+  ++(image ? hits_ : misses_);
+  return image;
+}
+
+std::optional<torch::Tensor> RestorationCache::peek(const std::string& key,
+                                                    torch::IntArrayRef shape) const {
+  std::string ignored;
+  if (!is_on_) return std::nullopt;
+  return read_entry(file_of(folder_, key), shape, &ignored);
 }
 
 void RestorationCache::keep(const std::string& key, const torch::Tensor& image) {
   check_shape(image, "restoration", {-1, -1, -1});
   finish_writing();
-  if (folder_.empty()) return;
+  if (!is_on_) return;
   const bool half = image.scalar_type() == torch::kHalf;
   const auto bytes = image.numel() * int64_t{half ? 2 : 4};
   // More would remove the first entries of this run, and the next run would find none of them.
@@ -207,7 +219,7 @@ torch::Tensor RestorationCache::get(const std::string& key, torch::IntArrayRef s
 
 void RestorationCache::prune() {
   finish_writing();
-  if (folder_.empty()) return;
+  if (!is_on_) return;
   std::vector<Entry> entries = list_entries(folder_);
   std::sort(entries.begin(), entries.end(),
             [](const Entry& a, const Entry& b) { return a.used < b.used; });

@@ -2,6 +2,7 @@
 // A disk cache of restored views, so that a second run on the same data computes none of them.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -53,6 +54,9 @@ class RestorationCache {
   /// @param key    restoration_key()
   /// @param shape  expected shape of the image
   std::optional<torch::Tensor> find(const std::string& key, torch::IntArrayRef shape);
+  /// As find(), for any thread: does not wait for an image that is being written, does not warn,
+  /// and is not counted by hits() and misses().
+  std::optional<torch::Tensor> peek(const std::string& key, torch::IntArrayRef shape) const;
   /// Stores an image [C,H,W] for the next run, in half precision if it is given so, else as float,
   /// and prunes after every eighth of `max_mib`. The file is written on another thread. What this
   /// object stores in all is limited by `max_mib` too.
@@ -67,15 +71,16 @@ class RestorationCache {
   int64_t hits() const { return hits_; }
   int64_t misses() const { return misses_; }
   /// Whether the next run will find all that this object was asked for.
-  bool is_complete() const { return !folder_.empty() && misses_ == kept_; }
+  bool is_complete() const { return is_on_ && misses_ == kept_; }
   /// Empty if the cache is off.
-  const std::filesystem::path& folder() const { return folder_; }
+  std::filesystem::path folder() const { return is_on_ ? folder_ : std::filesystem::path(); }
 
  private:
   void give_up(const std::string& why);
   /// Waits until the last image is on the disk.
   void finish_writing();
 
+  std::atomic<bool> is_on_{false};
   std::filesystem::path folder_;
   int64_t max_bytes_ = 0;
   int64_t kept_bytes_ = 0;  ///< by this object

@@ -38,8 +38,9 @@ torch::Tensor gain_at(const torch::Tensor& windows, const RestoreOptions& option
 }
 
 /// @param lasts  false: the exposure has zero length, so all its moments equal the middle
-void restore_learned(const torch::Tensor& events, bool lasts, const RestoreOptions& options,
+void restore_learned(const ExposureSums& sums, bool lasts, const RestoreOptions& options,
                      ViewRestorer& restorer, RestoredExposure& restored) {
+  const torch::Tensor& events = sums.network;
   const std::vector<double>& times = options.times;
   torch::Tensor& middle = restored.restorations.efnet;
   if (times.empty() || !lasts) {
@@ -48,8 +49,13 @@ void restore_learned(const torch::Tensor& events, bool lasts, const RestoreOptio
     if (count > 0) restored.efnet_at = middle.unsqueeze(0).expand({count, -1, -1, -1});
     return;
   }
-  restored.efnet_at = options.only_kept_times ? restorer.kept_efnet(restored.blurry, events, times)
-                                              : restorer.efnet(restored.blurry, events, times);
+  torch::Tensor kept = sums.kept;
+  if (options.only_kept_times) kept = restorer.kept_efnet(restored.blurry, events, times);
+  if (kept.defined()) {
+    restored.efnet_at = kept.to(restorer.device());
+  } else if (!options.only_kept_times) {
+    restored.efnet_at = restorer.efnet(restored.blurry, events, times);
+  }
   const auto found = std::find(times.begin(), times.end(), 0.5);
   const bool has_middle = restored.efnet_at.defined() && found != times.end();
   // A copy, so that the memory of the others can be freed.
@@ -86,6 +92,12 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
   return sums;
 }
 
+void look_up(const data::Exposure& exposure, const RestoreOptions& options,
+             const ViewRestorer& restorer, ExposureSums& sums) {
+  if (!restorer.has_network() || options.times.empty() || exposure.duration_us() == 0) return;
+  sums.kept = restorer.kept_efnet(exposure.blurry, sums.network, options.times);
+}
+
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network) {
   // Windows of both signs and together, bins twice, the network's windows, and some further maps.
   const int64_t maps = 3 * (integral_samples(options) - 1) + 2 * events::kVoxelBins +
@@ -112,7 +124,7 @@ RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums s
   restored.blurry = exposure.blurry.to(device).contiguous();
   // Run it before EDI, so that EDI's 64 maps and the network's memory are not needed at once.
   if (restorer.has_network()) {
-    restore_learned(sums.network, exposure.duration_us() > 0, options, restorer, restored);
+    restore_learned(sums, exposure.duration_us() > 0, options, restorer, restored);
   }
   restored.windows = sums.windows.to(device);
   const std::vector<double> samples =

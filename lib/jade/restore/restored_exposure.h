@@ -53,6 +53,7 @@ struct ExposureSums {
   events::ExposureMaps maps;  ///< as RestoredExposure's
   torch::Tensor windows;      ///< as RestoredExposure's
   torch::Tensor network;      ///< input of the network; undefined without one
+  torch::Tensor kept;         ///< F at RestoreOptions::times, if look_up() found it in the cache
 };
 
 /// Thread-safe, also in parallel with restore_exposure().
@@ -60,6 +61,11 @@ struct ExposureSums {
 /// @param network    whose input to sum, or null
 ExposureSums sum_events(const data::Exposure& exposure, const events::EventStream& recording,
                         const RestoreOptions& options, const RestorerMetadata* network);
+
+/// Looks F at RestoreOptions::times up in the restorer's cache, for restore_exposure(). May be
+/// called on any thread.
+void look_up(const data::Exposure& exposure, const RestoreOptions& options,
+             const ViewRestorer& restorer, ExposureSums& sums);
 
 /// Approximate peak bytes per pixel of the image that sum_events() needs.
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network);
@@ -71,7 +77,7 @@ torch::Tensor gain_at(const RestoredExposure& restored, const RestoreOptions& op
 
 /// Restores an exposure by EDI and EFNet, through the restorer's cache. If the middle is among the
 /// times, restores F only at the times.
-/// @param sums  sum_events() with these options and the restorer's network
+/// @param sums  sum_events() with these options and the restorer's network; look_up() is optional
 /// @throws NumericError, DeviceError, DataError from the network.
 RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums sums,
                                   const RestoreOptions& options, ViewRestorer& restorer);

@@ -21,6 +21,15 @@ std::string note_key(const std::string& sha256, torch::Device device,
       {});
 }
 
+/// An entry of the cache is one image, so the moments are stored in its channels.
+std::vector<int64_t> entry_shape(const torch::Tensor& blurry, const std::vector<double>& times) {
+  return {3 * static_cast<int64_t>(times.size()), blurry.size(1), blurry.size(2)};
+}
+
+torch::Tensor by_moment(const torch::Tensor& entry) {
+  return entry.view({-1, 3, entry.size(1), entry.size(2)});
+}
+
 }  // namespace
 
 ViewRestorer::ViewRestorer(const RestorationCacheOptions& cache, std::optional<EfnetOptions> efnet,
@@ -55,26 +64,20 @@ std::string ViewRestorer::efnet_key(const torch::Tensor& blurry, const torch::Te
 }
 
 torch::Tensor ViewRestorer::kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
-                                       const std::vector<double>& times) {
+                                       const std::vector<double>& times) const {
   check_times(times);
   if (cache_.folder().empty()) return {};
-  return kept_under(efnet_key(blurry, events, times), blurry, times);
-}
-
-torch::Tensor ViewRestorer::kept_under(const std::string& key, const torch::Tensor& blurry,
-                                       const std::vector<double>& times) {
-  // An entry is one image, so the moments are stored in its channels.
-  const auto count = static_cast<int64_t>(times.size());
-  const std::vector<int64_t> shape{count, 3, blurry.size(1), blurry.size(2)};
-  const auto kept = cache_.find(key, {3 * count, shape[2], shape[3]});
-  return kept ? kept->view(shape).to(device_) : torch::Tensor();
+  const auto kept = cache_.peek(efnet_key(blurry, events, times), entry_shape(blurry, times));
+  return kept ? by_moment(*kept) : torch::Tensor();
 }
 
 torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& events,
                                   const std::vector<double>& times) {
   check_times(times);
   const std::string key = cache_.folder().empty() ? "" : efnet_key(blurry, events, times);
-  if (torch::Tensor kept = kept_under(key, blurry, times); kept.defined()) return kept;
+  if (const auto kept = cache_.find(key, entry_shape(blurry, times))) {
+    return by_moment(*kept).to(device_);
+  }
   torch::Tensor restored = network().restore(blurry.to(device_), events, times);
   if (monochrome_) restored = without_tint(restored);
   if (times.size() > 1) restored = restored.to(torch::kHalf);

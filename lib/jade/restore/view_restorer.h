@@ -38,9 +38,9 @@ class ViewRestorer {
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events,
                       const std::vector<double>& times);
 
-  /// F from the cache, or undefined.
+  /// F from the cache, on the CPU, or undefined. May be called on any thread.
   torch::Tensor kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
-                           const std::vector<double>& times);
+                           const std::vector<double>& times) const;
 
   /// Metadata of the network's file, without loading it. @throws DataError.
   const RestorerMetadata& metadata() const;
@@ -62,8 +62,6 @@ class ViewRestorer {
  private:
   std::string efnet_key(const torch::Tensor& blurry, const torch::Tensor& events,
                         const std::vector<double>& times) const;
-  torch::Tensor kept_under(const std::string& key, const torch::Tensor& blurry,
-                           const std::vector<double>& times);
   bool as_asked() const;
 
   RestorationCache cache_;

@@ -60,13 +60,13 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   data::kind_of(options.dataset);
   // Set up before anything that may warn.
   set_log_file(directory.path() / "train.log");
-  std::future<void> started;
   if (train::needs_efnet(options) && device.is_cuda() &&
       !restore::restored_before(options.cache, data.restorer_sha256, device,
                                 options.dataset.path)) {
     data.restorer = restore::load_beside(options.efnet, device);
-  } else if (device.is_cuda()) {
-    started = std::async(std::launch::async, [device] { start_device(device); });
+  }
+  if (device.is_cuda()) {
+    data.kernels = std::async(std::launch::async, [device] { train::load_kernels(device); });
   }
   if (options.response.enabled) response::identity_response();  // fails before the data are read
   log_info(concat("reading     ", options.dataset.path.string()));
@@ -124,6 +124,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
   train::MemoryPlan plan = train::memory_plan(options_, data_.dataset, most);
   feed_ = train::StepFeed(data_.dataset, options_, device_, std::move(data_.restorer),
                           train::constants_budget(plan, budget));
+  if (data_.kernels.valid()) data_.kernels.wait();  // a graph must not be recorded beside it
   times_.end("restorations");
   if (device_.is_cuda()) {
     plan.constants = bank().bytes_on_device();

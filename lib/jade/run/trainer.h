@@ -34,6 +34,7 @@ struct RunData {
   std::string fingerprint;                  ///< of the data set, see data_fingerprint()
   std::string restorer_sha256;              ///< empty if no restorer is needed
   std::future<restore::Restorer> restorer;  ///< being loaded, if it runs on a GPU
+  std::future<void> kernels;                ///< being loaded, if the device is a GPU
 };
 
 /// The training loop and its schedule. routing_step.h and scene_step.h define a step.

@@ -7,9 +7,11 @@
 #include <utility>
 
 #include "jade/core/check.h"
+#include "jade/core/device.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
 #include "jade/events/voxel.h"
+#include "jade/imaging/edi.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/reblur.h"
 #include "jade/train/exposure_span.h"
@@ -74,13 +76,6 @@ bool has_masks(const data::Dataset& dataset) {
 /// Image with masked pixels set to 0.
 torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
   return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
-}
-
-/// The exposure with masked pixels of its frame set to black.
-data::Exposure masked(const data::Exposure& exposure) {
-  data::Exposure out = exposure;
-  if (out.mask.defined()) out.blurry = out.blurry.masked_fill(out.mask.logical_not(), 0);
-  return out;
 }
 
 /// The image of train.target_images that has the exposure's name.
@@ -167,6 +162,14 @@ torch::Tensor kept(const torch::Tensor& moments, bool lasts, torch::Dtype type) 
 
 }  // namespace
 
+void load_kernels(torch::Device device) {
+  const torch::NoGradGuard no_grad;
+  start_device(device);
+  const torch::Tensor windows = torch::zeros({2, 8, 8}, device), u = torch::zeros({1}, device);
+  imaging::edi_gain(windows, geometry::QuadratureRule::kTrapezoid, u.to(torch::kFloat64), 1.3);
+  imaging::ssim_target(torch::zeros({3, 8, 8}, device));
+}
+
 ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
                    std::future<restore::Restorer> early, int64_t most_device_bytes)
     : options_(options), device_(device) {
@@ -186,7 +189,7 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
     weights_ = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
   }
   // A CPU that runs the restorer has no threads to spare.
-  SumsAhead sums(dataset, how, efnet ? &restorer.metadata() : nullptr,
+  SumsAhead sums(dataset, how, restorer,
                  device.is_cuda() ? std::launch::async : std::launch::deferred);
   for (size_t i = 0; i < spans.size(); ++i) {
     throw_if_interrupted();

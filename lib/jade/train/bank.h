@@ -35,6 +35,10 @@ struct ConstantBytes {
   int64_t restorations = 0;  ///< targets and the restorations they consist of
 };
 
+/// Starts a GPU and loads the kernels that a bank needs, which takes tenths of a second: for
+/// another thread, while the data are read.
+void load_kernels(torch::Device device);
+
 /// Constants of the training exposures, of K moments each. Views may differ in size.
 class ViewBank {
  public:

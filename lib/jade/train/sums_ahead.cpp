@@ -7,14 +7,24 @@
 
 namespace jade::train {
 
+data::Exposure masked(const data::Exposure& exposure) {
+  data::Exposure out = exposure;
+  if (out.mask.defined()) out.blurry = out.blurry.masked_fill(out.mask.logical_not(), 0);
+  return out;
+}
+
 SumsAhead::SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions& options,
-                     const restore::RestorerMetadata* network, std::launch policy)
-    : dataset_(dataset), options_(options), network_(network), policy_(policy) {
+                     const restore::ViewRestorer& restorer, std::launch policy)
+    : dataset_(dataset),
+      options_(options),
+      restorer_(restorer),
+      network_(restorer.has_network() ? &restorer.metadata() : nullptr),
+      policy_(policy) {
   if (dataset.train.empty()) return;
   constexpr int64_t kMostBytes = int64_t(512) << 20;
   const auto& camera = dataset.train.front().camera;
   const int64_t bytes =
-      restore::sum_bytes_per_pixel(options, network) * int64_t(camera.width) * camera.height;
+      restore::sum_bytes_per_pixel(options, network_) * int64_t(camera.width) * camera.height;
   at_once_ = static_cast<size_t>(std::clamp<int64_t>(kMostBytes / bytes, 1, 4));
 }
 
@@ -30,7 +40,10 @@ restore::ExposureSums SumsAhead::next() {
 void SumsAhead::begin() {
   begun_.push_back(std::async(policy_, [this, index = begun_upto_] {
     const torch::NoGradGuard no_grad;
-    return restore::sum_events(dataset_.train[index], dataset_.events, options_, network_);
+    const data::Exposure exposure = masked(dataset_.train[index]);
+    restore::ExposureSums sums = restore::sum_events(exposure, dataset_.events, options_, network_);
+    restore::look_up(exposure, options_, restorer_, sums);
+    return sums;
   }));
   ++begun_upto_;
 }

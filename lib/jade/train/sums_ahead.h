@@ -9,15 +9,17 @@
 
 namespace jade::train {
 
+/// The exposure with masked pixels of its frame set to black.
+data::Exposure masked(const data::Exposure& exposure);
+
 /// Computes restore::sum_events() of a data set's training exposures in order, and those of the
-/// next exposures ahead of time on other threads.
+/// next exposures ahead of time on other threads; also looks their restorations up.
 class SumsAhead {
  public:
   /// All arguments must outlive it.
-  /// @param network  as in sum_events()
-  /// @param policy   std::launch::deferred: computes nothing ahead of time
+  /// @param policy  std::launch::deferred: computes nothing ahead of time
   SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions& options,
-            const restore::RestorerMetadata* network, std::launch policy);
+            const restore::ViewRestorer& restorer, std::launch policy);
 
   /// Sums of the next exposure. Call it at most once per exposure.
   restore::ExposureSums next();
@@ -27,7 +29,8 @@ class SumsAhead {
 
   const data::Dataset& dataset_;
   const restore::RestoreOptions& options_;
-  const restore::RestorerMetadata* network_;
+  const restore::ViewRestorer& restorer_;
+  const restore::RestorerMetadata* network_;  ///< null if there is none
   std::launch policy_;
   size_t at_once_ = 1, begun_upto_ = 0;
   // last member: destroyed before the data that it reads
