@@ -105,6 +105,19 @@ TEST_CASE("frame times: equal exposures and many that overlap are refused, a few
   CHECK_THROWS_NAMING(DataError, check(), "t.npz", "2.png", "15.png");
 }
 
+TEST_CASE("frame times: those with few digits are a warning", "[data]") {
+  std::vector<FrameTime> times;
+  std::vector<std::string> names, lines;
+  for (int64_t i = 0; i < 20; ++i) {
+    const int64_t t = (100000 * i + 2) / 3 / 10000 * 10000;
+    times.push_back({t, t + 20000});
+    names.push_back(concat(i, ".png"));
+  }
+  check_apart(times, names, "t.npz", Warnings(&lines));
+  REQUIRE(lines.size() == 1);
+  CHECK_THAT(lines[0], test::naming("t.npz", "steps of 10 ms", "six decimals"));
+}
+
 TEST_CASE("split: both rules of the benchmarks are recognised from exposure times", "[data]") {
   const Warnings none(nullptr);
   std::vector<FrameTime> last(23, FrameTime{0, 100});

@@ -40,6 +40,47 @@ TEST_CASE("stream faults: one polarity only", "[events]") {
   CHECK(polarity_fault({}).empty());
 }
 
+TEST_CASE("stream faults: event times with few digits", "[events]") {
+  const int64_t count = 40000;
+  const torch::Tensor place = torch::zeros({count});
+  const torch::Tensor up = torch::ones({count}, torch::kInt8);
+  const torch::Tensor fine = torch::arange(count) * 50;  // 2 s
+  const auto fault = [&](int64_t step_us) {
+    return resolution_fault(EventStream(place, place, fine - fine % step_us, up));
+  };
+  CHECK_THAT(fault(10000),
+             test::naming("40000 events at 200 times", "10 ms apart", "six decimals"));
+  CHECK_THAT(fault(1000), test::naming("1 ms apart"));
+  CHECK(fault(1).empty());
+  CHECK(resolution_fault(EventStream()).empty());
+  // A sensor that reads out many pixels at once, in bursts.
+  const torch::Tensor bursts = torch::arange(count).floor_divide(20) * 10;
+  CHECK(resolution_fault(EventStream(place, place, bursts, up)).empty());
+}
+
+TEST_CASE("stream faults: frame times with few digits", "[events]") {
+  const auto fault = [](int64_t period_us, int64_t step_us, int64_t length_us) {
+    std::vector<TimeWindow> exposures;
+    for (int64_t i = 0; i < 12; ++i) {
+      const int64_t t = (i * period_us + step_us / 2) / step_us * step_us;
+      exposures.push_back({t, t + length_us});
+    }
+    return resolution_fault(exposures);
+  };
+  CHECK_THAT(fault(33333, 10000, 0),
+             test::naming("all of 12 in steps of 10 ms", "period of 33.636 ms"));
+  CHECK_THAT(fault(33333, 1000, 10000), test::naming("steps of 1 ms"));
+  CHECK(fault(33333, 1000, 0).empty());
+  CHECK(fault(33333, 1, 10000).empty());
+  CHECK(fault(50000, 10000, 10000).empty());
+  // Left-out frames of a steady camera.
+  CHECK(resolution_fault({{0, 0}, {50000, 0}, {150000, 0}, {200000, 0}, {350000, 0}, {400000, 0}})
+            .empty());
+  // Sharp frames between those of a steady camera.
+  CHECK(resolution_fault({{0, 0}, {50000, 0}, {100000, 0}, {145000, 0}, {150000, 0}, {200000, 0}})
+            .empty());
+}
+
 TEST_CASE("stream faults: a clock that restarts is located", "[events]") {
   CHECK(fault_of({}).empty());
   CHECK(fault_of(steady(100)).empty());

@@ -457,3 +457,18 @@ TEST_CASE("recording: names with blanks in a list of times", "[recording]") {
   CHECK(recording.frames[2].name == "f 2");
   CHECK(recording.frames[5].t_start_us == 1200000);
 }
+
+TEST_CASE("recording: times of frames and events with few digits are noted", "[recording]") {
+  const Noise noise;
+  CHECK_THAT(noise.notes(), !test::naming("digits were lost"));
+  std::string frames, events = "t_s,x,y,p\n";
+  for (int i = 0; i < noise.count; ++i)
+    frames += concat("f", i, ",", 1000000 + 10000 * (i * 10 / 3), ",",
+                     1020000 + 10000 * (i * 10 / 3), "\n");
+  for (int i = 0; i < 6000; ++i)
+    events += concat(0.98 + 0.01 * (i / 200), ",", i % 16, ",", i / 7 % 12, ",", i % 2, "\n");
+  noise.dir.write("a/images/exposures.csv", frames);
+  CHECK_THAT(noise.notes(), test::naming("all of 6 in steps of 10 ms"));
+  noise.dir.write("a/events.csv", events);
+  CHECK_THAT(noise.notes(), test::naming("events at 30 times", "10 ms apart"));
+}

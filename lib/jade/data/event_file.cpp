@@ -131,7 +131,7 @@ void attach_events(const DatasetOptions& options, const EventSpan& exposures, co
   for (const std::string& line : result.warnings) warnings.add(line);
   check_inside(result.events, camera, path, warnings);
   for (const std::string& fault :
-       {events::polarity_fault(result.events),
+       {events::polarity_fault(result.events), events::resolution_fault(result.events),
         imaging::cover_fault(result.events, data.train[data.train.size() / 2].blurry)}) {
     if (!fault.empty()) warnings.add(path.string(), ": ", fault);
   }

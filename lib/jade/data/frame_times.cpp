@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/events/stream_faults.h"
 #include "jade/io/npy.h"
 
 namespace jade::data {
@@ -138,6 +139,10 @@ void check_apart(const std::vector<FrameTime>& times, const std::vector<std::str
     if (!times[i].sharp()) exposed.push_back(i);
   }
   if (exposed.size() < 2) return;
+  std::vector<events::TimeWindow> windows;
+  for (const size_t i : exposed) windows.push_back({times[i].start_us, times[i].end_us});
+  if (const std::string fault = events::resolution_fault(windows); !fault.empty())
+    warnings.add(path, ": ", fault);
   std::stable_sort(exposed.begin(), exposed.end(), [&](size_t a, size_t b) {
     return std::pair(times[a].start_us, times[a].end_us) <
            std::pair(times[b].start_us, times[b].end_us);

@@ -32,7 +32,8 @@ struct FrameTimes {
 ///   are too coarse for their times.
 FrameTimes read_frame_times(const std::filesystem::path& path, events::TimeUnit unit);
 
-/// Checks for exposures that one sensor cannot have taken. Warns if a few overlap.
+/// Checks for exposures that one sensor cannot have taken. Warns if a few overlap, or if
+/// the times lost digits.
 /// @param names  of the frames, at least as many as times
 /// @param path   of the times, for messages
 /// @throws DataError if two frames have the same exposure, or if more than a tenth of the exposures

@@ -2,6 +2,8 @@
 #include "jade/events/stream_faults.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -13,6 +15,17 @@ namespace {
 constexpr double kJumpUs = 10000;
 /// Share of a step back that one step ahead beside it undoes if a single time is damaged.
 constexpr double kUndone = 0.9;
+
+int64_t median_of(std::vector<int64_t> values) {
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double ms(int64_t us) { return 1e-3 * double(us); }
+
+constexpr const char* kWriteAgain =
+    "write the times again as whole microseconds, or as seconds with six decimals";
 
 }  // namespace
 
@@ -26,6 +39,63 @@ std::string polarity_fault(const EventStream& events) {
   return concat(up, " of ", all, " events are of getting brighter, ", all - up,
                 " of getting darker; expected some of both: 1 and 0, or 1 and -1. Does the file "
                 "hold one polarity only?");
+}
+
+std::string resolution_fault(const EventStream& events) {
+  constexpr int64_t kFew = 1000;                // fewer events are inconclusive
+  constexpr int64_t kCrowd = 8;                 // events at each time, on average
+  constexpr int64_t kCoarsestUs = 100;          // a camera's own resolution is about 1 us
+  constexpr size_t kTelling = size_t(1) << 17;  // distinct times
+  const int64_t* const t = events.t_us().const_data_ptr<int64_t>();
+  std::vector<int64_t> gaps;
+  int64_t seen = 1;
+  for (; seen < events.size() && gaps.size() < kTelling; ++seen) {
+    if (t[seen] != t[seen - 1]) gaps.push_back(t[seen] - t[seen - 1]);
+  }
+  if (seen < kFew || gaps.empty() || seen < kCrowd * int64_t(gaps.size() + 1)) return "";
+  const int64_t step = median_of(gaps);
+  if (step < kCoarsestUs) return "";
+  return concat("expected event times in microseconds, found ", seen, " events at ",
+                gaps.size() + 1, " times, which are ", ms(step),
+                " ms apart: digits were lost, and motion within these steps; ", kWriteAgain);
+}
+
+std::string resolution_fault(std::vector<TimeWindow> exposures) {
+  constexpr size_t kFew = 6;  // frames
+  constexpr int64_t kCoarsestUs = 1000;
+  constexpr double kShare = 0.05;  // of the exposure
+  if (exposures.size() < kFew) return "";
+  std::sort(exposures.begin(), exposures.end(),
+            [](const TimeWindow& a, const TimeWindow& b) { return a.begin_us < b.begin_us; });
+  std::vector<int64_t> gaps, lengths;
+  int64_t step = 0;
+  for (size_t i = 0; i < exposures.size(); ++i) {
+    if (exposures[i].duration_us() > 0) lengths.push_back(exposures[i].duration_us());
+    if (i == 0) continue;
+    gaps.push_back(exposures[i].begin_us - exposures[i - 1].begin_us);
+    step = std::gcd(step, gaps.back());
+  }
+  const int64_t usual = median_of(gaps);
+  if (step < kCoarsestUs || step >= usual) return "";
+  // A steady camera, whose rounded times differ from its period; it may leave out frames.
+  const auto periods_of = [&](int64_t gap) {
+    return std::max<int64_t>(1, std::llround(double(gap) / double(usual)));
+  };
+  int64_t periods = 0;
+  for (const int64_t gap : gaps) periods += periods_of(gap);
+  const double period =
+      double(exposures.back().begin_us - exposures.front().begin_us) / double(periods);
+  const bool steady = std::all_of(gaps.begin(), gaps.end(), [&](int64_t gap) {
+    return std::abs(double(gap) - double(periods_of(gap)) * period) <= double(step);
+  });
+  const bool exact = std::all_of(gaps.begin(), gaps.end(),
+                                 [&](int64_t gap) { return gap == periods_of(gap) * usual; });
+  if (!steady || exact) return "";
+  const int64_t length = lengths.empty() ? usual : median_of(lengths);
+  if (double(step) <= kShare * double(length)) return "";
+  return concat("expected frame times in microseconds, found all of ", exposures.size(),
+                " in steps of ", ms(step), " ms, at a frame period of ", ms(std::llround(period)),
+                " ms: digits were lost, and exposures may be wrong by half a step; ", kWriteAgain);
 }
 
 void ClockOrder::add(int64_t t_us) {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Faults of whole streams of events, as one line for the user.
+// Faults of whole streams of events and of lists of exposures, as one line for the user.
 #pragma once
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "jade/events/event_stream.h"
 
@@ -12,6 +13,15 @@ namespace jade::events {
 /// A fault of streams with hardly any events of one polarity: in the view of a moving camera,
 /// pixels get darker about as often as brighter. Empty otherwise.
 std::string polarity_fault(const EventStream& events);
+
+/// A fault of event times that lost digits: many events share each of the distinct times, half of
+/// which or more are 100 us or more apart. Empty otherwise.
+std::string resolution_fault(const EventStream& events);
+
+/// A fault of frame times that lost digits: those of a steady camera whose times from frame to
+/// frame differ, and are all multiples of 1 ms or more and of more than a twentieth of the exposure
+/// (of the period without exposures). Empty otherwise.
+std::string resolution_fault(std::vector<TimeWindow> exposures);
 
 /// Follows event times in the order of a file, and finds where they go back.
 class ClockOrder {

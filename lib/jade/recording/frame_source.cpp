@@ -9,6 +9,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/child.h"
 #include "jade/core/error.h"
+#include "jade/events/stream_faults.h"
 #include "jade/imaging/image_io.h"
 #include "jade/recording/contents.h"
 
@@ -128,6 +129,16 @@ void apply_triggers(const ReadOptions& options, Contents& contents) {
       concat("exposures are those of ", pulses.size(), " pulses of the trigger input"));
 }
 
+/// Notes times that lost digits.
+void note_resolution(const std::vector<FrameFile>& files, std::vector<std::string>& notes) {
+  std::vector<events::TimeWindow> times;
+  for (const FrameFile& file : files) {
+    if (file.time) times.push_back(*file.time);
+  }
+  if (std::string fault = events::resolution_fault(times); !fault.empty())
+    notes.push_back(std::move(fault));
+}
+
 /// Stamps of 0 mean that a driver wrote no times, which has a message of its own.
 /// @throws DataError naming two frames with the same time.
 void check_own_times(const fs::path& source, const std::vector<FrameFile>& files) {
@@ -197,6 +208,7 @@ void complete_exposures(const ReadOptions& options, Contents& contents) {
                     recording.notes);
   apply_triggers(options, contents);
   check_own_times(options.frames.empty() ? recording.source : options.frames, files);
+  note_resolution(files, recording.notes);
   const auto length = std::llround(1e3 * options.exposure_ms);
   for (FrameFile& file : files) {
     if (length > 0 && file.time && file.time->duration_us() == 0)

@@ -253,7 +253,8 @@ void note_pauses(int64_t ahead_us, Recording& recording) {
 
 /// Notes faults of the events as a whole.
 void note_events(Recording& recording) {
-  std::vector<std::string> faults{events::polarity_fault(recording.events)};
+  std::vector<std::string> faults{events::polarity_fault(recording.events),
+                                  events::resolution_fault(recording.events)};
   if (!recording.frames.empty()) {
     const torch::Tensor& image = recording.frames[recording.frames.size() / 2].image;
     const bool shared = recording.width == image.size(2) && recording.height == image.size(1);
