@@ -4,6 +4,7 @@
 #include "support/catch.h"
 
 #include <cmath>
+#include <torch/types.h>
 
 #include "import/moving_pattern.h"
 #include "jade/core/error.h"
@@ -97,4 +98,27 @@ TEST_CASE("clock offset: a periodic motion has two answers", "[import]") {
   motion.exposure_us = 4000, motion.gap_us = 27000;
   const auto recording = test::record_pattern(motion, noisy_sensor());
   CHECK(import::estimate_clock_offset(recording.exposures, recording.events).ambiguous());
+}
+
+TEST_CASE("clock drift: another rate of the events is found, a constant offset is none",
+          "[import]") {
+  auto motion = by_hand();
+  motion.exposures = 20;
+  const auto recording = test::record_pattern(motion, noisy_sensor());
+  const auto scaled = [&](double rate, int64_t offset_us) {
+    const auto& e = recording.events;
+    const torch::Tensor t = (e.t_us().to(torch::kFloat64) * rate).round().to(torch::kInt64);
+    return import::estimate_clock_drift(
+        recording.exposures, events::EventStream(e.x(), e.y(), t + offset_us, e.polarity()));
+  };
+  for (const double rate : {1.02, 0.98}) {
+    const import::ClockDrift drift = scaled(rate, -3000);
+    CAPTURE(drift.begin_us, drift.end_us, drift.rate);
+    CHECK(drift.found);
+    CHECK(drift.rate == Approx(rate - 1).margin(0.004));
+    CHECK(std::abs(drift.end_us - drift.begin_us) > 10000);
+  }
+  CHECK_FALSE(scaled(1, 0).found);
+  CHECK_FALSE(scaled(1, 13000).found);
+  CHECK_FALSE(import::estimate_clock_drift({}, {}).found);
 }

@@ -262,4 +262,73 @@ ClockOffset estimate_clock_offset(const std::vector<data::Exposure>& exposures,
   return result;
 }
 
+namespace {
+
+constexpr size_t kParts = 8;
+constexpr size_t kFewestParts = 3;
+
+/// Offset of a part of the recording.
+struct PartOffset {
+  double t_us = 0, offset_us = 0, error_us = 0;
+};
+
+/// Offsets of kParts parts that begin every `step` exposures; without those in doubt.
+std::vector<PartOffset> offsets_of_parts(const std::vector<data::Exposure>& exposures,
+                                         const events::EventStream& events, double step,
+                                         const ClockOffsetOptions& options) {
+  std::vector<PartOffset> out;
+  for (size_t part = 0; part < kParts; ++part) {
+    const auto begin = size_t(double(part) * step);
+    const size_t end = std::min(exposures.size(), begin + size_t(options.pairs) + 1);
+    if (begin + 1 >= end) break;
+    const std::vector<data::Exposure> some(exposures.begin() + std::ptrdiff_t(begin),
+                                           exposures.begin() + std::ptrdiff_t(end));
+    const ClockOffset found = estimate_clock_offset(some, events, options);
+    if (found.ambiguous()) continue;
+    const double t_us = 0.5 * (double(some.front().t_start_us) + double(some.back().t_end_us));
+    out.push_back({t_us, found.offset_us, found.error_us});
+  }
+  return out;
+}
+
+/// The line through the offsets, by least squares.
+ClockDrift line_through(const std::vector<PartOffset>& parts) {
+  constexpr double kLeastUs = 3000, kSigmas = 5;
+  const auto count = double(parts.size());
+  double t = 0, offset = 0;
+  for (const PartOffset& part : parts) t += part.t_us / count, offset += part.offset_us / count;
+  double tt = 0, to = 0, squares = 0;
+  for (const PartOffset& part : parts) {
+    tt += (part.t_us - t) * (part.t_us - t);
+    to += (part.t_us - t) * (part.offset_us - offset);
+  }
+  ClockDrift drift;
+  drift.rate = tt > 0 ? to / tt : 0;
+  drift.begin_us = offset + drift.rate * (parts.front().t_us - t);
+  drift.end_us = offset + drift.rate * (parts.back().t_us - t);
+  for (const PartOffset& part : parts) {
+    const double rest = part.offset_us - offset - drift.rate * (part.t_us - t);
+    squares += rest * rest + part.error_us * part.error_us / count;
+  }
+  const double rate_error = tt > 0 ? std::sqrt(squares / (count - 2) / tt) : 0;
+  const double error_us = rate_error * (parts.back().t_us - parts.front().t_us);
+  const double change_us = std::abs(drift.end_us - drift.begin_us);
+  drift.found = change_us > std::max(kLeastUs, kSigmas * error_us);
+  return drift;
+}
+
+}  // namespace
+
+ClockDrift estimate_clock_drift(const std::vector<data::Exposure>& exposures,
+                                const events::EventStream& events,
+                                const ClockOffsetOptions& options) {
+  const auto pairs = size_t(options.pairs);
+  if (exposures.size() < pairs + kFewestParts) return {};
+  const double whole = double(exposures.size() - pairs - 1) / double(kParts - 1);
+  std::vector<PartOffset> parts = offsets_of_parts(exposures, events, whole, options);
+  if (parts.size() < kFewestParts && whole > double(pairs))
+    parts = offsets_of_parts(exposures, events, double(pairs), options);
+  return parts.size() < kFewestParts ? ClockDrift() : line_through(parts);
+}
+
 }  // namespace jade::import

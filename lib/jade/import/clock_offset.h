@@ -45,4 +45,20 @@ ClockOffset estimate_clock_offset(const std::vector<data::Exposure>& exposures,
                                   const events::EventStream& events,
                                   const ClockOffsetOptions& options = {});
 
+/// Clocks of frames and events that run at different rates.
+struct ClockDrift {
+  double begin_us = 0, end_us = 0;  ///< offset in the first and in the last part that shows one
+  double rate = 0;                  ///< growth of the offset per time of the frames' clock
+  bool found = false;
+};
+
+/// Estimates the offset of parts of the recording, and fits a line through those without doubt. A
+/// drift is found if three parts or more follow the line, and its change is at least 3 ms and five
+/// standard errors. Offsets beyond the reach are not seen: if few of the parts show an offset,
+/// looks at parts near the beginning. Parameters as in estimate_clock_offset(); `pairs` is for each
+/// part.
+ClockDrift estimate_clock_drift(const std::vector<data::Exposure>& exposures,
+                                const events::EventStream& events,
+                                const ClockOffsetOptions& options = {50, 1, 4});
+
 }  // namespace jade::import

@@ -123,6 +123,22 @@ Capture without_hot_pixels(const Capture& capture) {
   return cleaned;
 }
 
+namespace {
+
+/// What is wrong with clocks that run at different rates; empty otherwise.
+std::string drift_of(const std::vector<data::Exposure>& exposures,
+                     const events::EventStream& events) {
+  const ClockDrift drift = estimate_clock_drift(exposures, events);
+  if (!drift.found) return "";
+  return concat("expected clocks of frames and events at one rate, found events ahead by ",
+                rounded(drift.begin_us / 1000, 0.1), " ms near the beginning and by ",
+                rounded(drift.end_us / 1000, 0.1),
+                " ms later, so that no single offset fits; divide the times since the first event ",
+                "by ", rounded(1 + drift.rate, 1e-5), " and import again");
+}
+
+}  // namespace
+
 ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool frames_apart) {
   if (options.offset_ms != 0) return {options.offset_ms, "as given", {}};
   if (!options.find_offset) return {0, "as given", {}};
@@ -135,6 +151,15 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
     if (frames_apart) throw DataError(concat(capture.source, ": ", flip));
     log_warn(concat(capture.source, ": ", flip));
     return {0, "assumed to be one clock, as events are flipped", found.curve};
+  }
+  const std::string drift = drift_of(exposures, events);
+  if (!drift.empty()) {
+    const std::string fault = concat(capture.source, ": ", drift);
+    if (found.ambiguous() && frames_apart) throw DataError(fault);
+    log_warn(fault);
+  }
+  if (found.ambiguous() && !drift.empty()) {
+    return {0, "assumed to be one clock, although their rates differ", found.curve};
   }
   if (found.ambiguous() && frames_apart) {
     throw DataError(concat(capture.source,

@@ -52,8 +52,8 @@ Capture without_hot_pixels(const Capture& capture);
 using Align = std::function<void(Capture&)>;
 
 /// The offset in the options, if given, else that of estimate_clock_offset(). An offset within two
-/// milliseconds or three standard errors of 0 counts as 0. Flipped events cause a warning
-/// (find_flip) and an offset of 0.
+/// milliseconds or three standard errors of 0 counts as 0. Warns of clocks at different rates.
+/// Flipped events cause a warning (find_flip) and an offset of 0.
 /// @param frames_apart  frames and events come from different files: a doubtful offset is then an
 ///   error; for a single recording it counts as 0, with a warning.
 /// @throws DataError if the user must give an offset.
