@@ -357,6 +357,17 @@ TEST_CASE("transforms: paths escaped as in a URL are found", "[data]") {
   CHECK(room.warnings.empty());
 }
 
+TEST_CASE("transforms: names with accents in another form are found, with a warning", "[data]") {
+  Room room("", "images/\u00e9");
+  for (int i = 0; i < 10; ++i) {
+    fs::rename(room.folder / concat("room/images/f", i, ".png"),
+               room.folder / concat("room/images/e\u0301", i, ".png"));
+  }
+  CHECK(room.load().train.size() + room.load().test.size() == 10);
+  CHECK(test::mentions(room.warnings, "10 names, such as images/\u00e90"));
+  CHECK_FALSE(test::mentions(room.warnings, "no pose"));
+}
+
 TEST_CASE("transforms: names that differ by capitals or their ending are reported with an example",
           "[data]") {
   Room room("", "Images/F");

@@ -472,3 +472,22 @@ TEST_CASE("recording: times of frames and events with few digits are noted", "[r
   noise.dir.write("a/events.csv", events);
   CHECK_THAT(noise.notes(), test::naming("events at 30 times", "10 ms apart"));
 }
+
+TEST_CASE("recording: names with accents in another form are found and noted", "[recording]") {
+  const Noise noise;
+  std::string exposures, stamps;
+  for (int i = 0; i < noise.count; ++i) {
+    std::filesystem::rename(noise.folder / concat("images/f", i, ".png"),
+                            noise.folder / concat("images/e\u0301", i, ".png"));
+    const int t = 1000000 + 40000 * i;
+    exposures += concat("\u00e9", i, ",", t, ",", t + 20000, "\n");
+    stamps += concat(1e-6 * t, " images/\u00e9", i, ".png\n");
+  }
+  noise.dir.write("a/images/exposures.csv", exposures);
+  CHECK(read_recording(noise.folder).frames.at(5).t_start_us == 1200000);
+  CHECK_THAT(noise.notes(), test::naming("6 names, such as \u00e90", "another form"));
+  std::filesystem::remove(noise.folder / "images/exposures.csv");
+  noise.dir.write("a/images.txt", stamps);
+  CHECK(read_recording(noise.folder).frames.size() == 6);
+  CHECK_THAT(noise.notes(), test::naming("6 names, such as images/\u00e90.png"));
+}

@@ -18,6 +18,7 @@
 #include "jade/data/unused_parts.h"
 #include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
+#include "jade/io/accents.h"
 
 namespace jade::data {
 namespace {
@@ -81,13 +82,20 @@ bool has_one_focal(const std::string& model) {
   return model.rfind("SIMPLE_", 0) == 0 || model == "RADIAL" || model == "RADIAL_FISHEYE";
 }
 
-/// The file of an image, whose name may have backslashes or folders that do not exist.
+/// The file of an image, whose name may have backslashes, folders that do not exist, or accents in
+/// another form.
 fs::path image_path(const fs::path& folder, const std::string& name) {
   for (const std::string& whole : {name, slashed(name)}) {
     const fs::path direct = (folder / whole).lexically_normal();
     if (fs::exists(direct)) return direct;
   }
-  return folder / fs::path(slashed(name)).filename();
+  const fs::path file = folder / fs::path(slashed(name)).filename();
+  if (fs::exists(file)) return file;
+  for (const fs::path& path : {folder / slashed(name), file}) {
+    if (const fs::path respelled = io::respelled(path); !respelled.empty())
+      return respelled.lexically_normal();
+  }
+  return file;
 }
 
 /// In lower case and without extension.
@@ -354,13 +362,15 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
       find_image_folder(options.path, options.image_folder, ImageDepth::kNested);
   std::vector<fs::path> paths;
   std::vector<const io::ColmapImage*> views;
-  std::vector<std::string> missing;
+  std::vector<std::string> missing, respelled;
   for (const io::ColmapImage& image : model.images) {
     const fs::path path = image_path(image_folder, image.name);
     if (!fs::exists(path)) {
       missing.push_back(image.name);
       continue;
     }
+    if (image.name.find(path.filename().string()) == std::string::npos)
+      respelled.push_back(image.name);
     paths.push_back(path);
     views.push_back(&image);
   }
@@ -374,6 +384,7 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
     warnings.add(image_folder.string(), ": images of the model without a file: ", listing(missing),
                  near_name(image_folder, missing, paths));
   }
+  tell_respelled(folder, respelled, warnings);
   check_own_files(paths, views);
   const std::vector<Frame> frames =
       read_frames(paths, MaskSources(options), warnings, FrameSizes::kAny);

@@ -5,6 +5,7 @@
 #include <cctype>
 
 #include "jade/imaging/image_io.h"
+#include "jade/io/accents.h"
 #include "jade/io/uri.h"
 
 namespace jade::data {
@@ -17,6 +18,8 @@ fs::path existing_file(const fs::path& path) {
   for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG"}) {
     const fs::path whole = path.string() + extension;
     if (fs::is_regular_file(whole)) return whole.lexically_normal();
+    const fs::path respelled = io::respelled(whole);
+    if (fs::is_regular_file(respelled)) return respelled.lexically_normal();
   }
   return {};
 }
@@ -62,6 +65,14 @@ std::string slashed(std::string path) {
   return path;
 }
 
+void tell_respelled(const fs::path& list, const std::vector<std::string>& names,
+                    const Warnings& warnings) {
+  if (names.empty()) return;
+  warnings.add(list.string(), ": ", names.size(), " names, such as ", names.front(),
+               ", have accents in another form than the files (one letter, or a letter and a mark, "
+               "as macOS writes them); the files that look alike are used");
+}
+
 fs::path near_image(const fs::path& folder, const std::string& given) {
   const fs::path path = fs::path(slashed(given)).lexically_normal().relative_path();
   fs::path place = folder;
@@ -94,10 +105,17 @@ fs::path file_inside(const fs::path& folder, const fs::path& given) {
 }
 
 fs::path NamedFiles::find_image(const std::string& name) {
-  if (image_folder.empty()) return find(name);
-  fs::path found = file_inside(folder / image_folder, slashed(name));
-  if (found.empty()) found = file_inside(folder / image_folder, slashed(io::unescaped(name)));
-  if (found.empty()) missing.push_back(name);
+  fs::path found;
+  if (image_folder.empty()) {
+    found = find(name);
+  } else {
+    found = file_inside(folder / image_folder, slashed(name));
+    if (found.empty()) found = file_inside(folder / image_folder, slashed(io::unescaped(name)));
+    if (found.empty()) missing.push_back(name);
+  }
+  const std::string stem = found.stem().string();
+  if (name.find(stem) == name.npos && io::unescaped(name).find(stem) == name.npos)
+    respelled.push_back(name);
   return found;
 }
 

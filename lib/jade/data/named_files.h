@@ -6,10 +6,16 @@
 #include <string>
 #include <vector>
 
+#include "jade/data/warnings.h"
+
 namespace jade::data {
 
 /// The path with backslashes replaced by slashes.
 std::string slashed(std::string path);
+
+/// Warns of names in `list` whose accents are stored in another form than those of the files.
+void tell_respelled(const std::filesystem::path& list, const std::vector<std::string>& names,
+                    const Warnings& warnings);
 
 /// The text in lower case, to compare names without case. Letters beyond ASCII stay.
 std::string in_small_letters(std::string text);
@@ -24,11 +30,12 @@ std::filesystem::path file_inside(const std::filesystem::path& folder,
                                   const std::filesystem::path& given);
 
 /// Resolves the paths of a transforms.json. They may lack an extension, have backslashes, or be
-/// escaped as in a URL.
+/// escaped as in a URL, and may have their accents in another form than the files (macOS).
 struct NamedFiles {
   std::filesystem::path folder;  ///< folder of the JSON, to which paths are relative
   std::string image_folder;      ///< dataset.image_folder; empty: images are where the JSON says
   std::vector<std::string> missing, moved;
+  std::vector<std::string> respelled;  ///< images whose files have their accents in another form
 
   /// An image of this name, in `image_folder` if one is set. If there is no such file, returns an
   /// empty path and adds the name to `missing`.

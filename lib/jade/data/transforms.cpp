@@ -58,7 +58,7 @@ fs::path mask_of(const fs::path& folder, const std::string& image_folder, const 
     const fs::path reduced = folder / ("masks_" + image_folder.substr(7));
     if (fs::path found = file_inside(reduced, slashed(name)); !found.empty()) return found;
   }
-  NamedFiles files{folder, {}, {}, {}};
+  NamedFiles files{folder, {}, {}, {}, {}};
   if (fs::path found = files.find(name); !found.empty()) return found;
   throw DataError(concat(where, ": expected a mask '", name,
                          "' as 'mask_path' says, found no such file; correct or remove the key"));
@@ -180,7 +180,7 @@ struct TransformsFile {
 /// of the image at the named place, else the image's size times the N of images_N.
 void set_size_before_reduction(const fs::path& folder, const std::string& image_folder,
                                ListedView& view) {
-  NamedFiles files{folder, {}, {}, {}};
+  NamedFiles files{folder, {}, {}, {}, {}};
   const auto whole = imaging::read_image_header(files.find(view.given));
   const auto reduced = imaging::read_image_header(view.path);
   if (whole && reduced && whole->width > 0) {
@@ -194,7 +194,7 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
                                const Warnings& warnings) {
   json root = read_transforms_json(path);
   std::vector<ListedView> views;
-  NamedFiles files{path.parent_path(), image_folder, {}, {}};
+  NamedFiles files{path.parent_path(), image_folder, {}, {}, {}};
   if (!image_folder.empty()) find_image_folder(path.parent_path(), image_folder);
   size_t contradicting = 0, zero_centres = 0, fractional_centres = 0;
   std::string contradicting_model;
@@ -238,6 +238,7 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
   tell_zero_centres(path, zero_centres, warnings);
   tell_fractional_centres(path, fractional_centres, warnings);
   tell_moved(path, files.moved, warnings);
+  tell_respelled(path, files.respelled, warnings);
   tell_missing(path, files, root["frames"].size(), warnings);
   if (views.empty()) throw DataError(concat(path.string(), ": has no frames"));
   return {path, std::move(root), std::move(views), {files.missing.begin(), files.missing.end()}};
@@ -479,7 +480,7 @@ Listing listing_of(const DatasetOptions& options, const Warnings& warnings) {
 void read_points(const TransformsFile& file, Dataset& data, const Warnings& warnings) {
   const std::string name = text_of(file.root, "ply_file_path", file.path.string());
   if (name.empty()) return;
-  NamedFiles files{file.path.parent_path(), {}, {}, {}};
+  NamedFiles files{file.path.parent_path(), {}, {}, {}, {}};
   const fs::path path = files.find(name);
   if (path.empty()) {
     warnings.add(file.path.string(), ": 'ply_file_path' names ", name,
@@ -497,7 +498,7 @@ std::set<fs::path> named_images(const fs::path& folder, const std::string& image
   for (const char* name : {"transforms.json", "transforms_train.json", "transforms_val.json",
                            "transforms_test.json"}) {
     if (!fs::exists(folder / name)) continue;
-    NamedFiles files{folder, image_folder, {}, {}};
+    NamedFiles files{folder, image_folder, {}, {}, {}};
     const json root = read_transforms_json(folder / name);
     for (const json& frame : root["frames"]) {
       const fs::path found = files.find_image(file_path_of(frame, (folder / name).string()));

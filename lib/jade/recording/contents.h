@@ -72,7 +72,8 @@ void add_hdf5_frames(const std::filesystem::path& path, const ReadOptions& optio
                      Contents& contents);
 
 /// Gives each image the exposure that `exposures` contains for its name, and notes exposures
-/// without an image. Of several lines with one file name, the folders in the line decide.
+/// without an image. Accents of names may be in another form than the files'. Of several lines with
+/// one file name, the folders in the line decide.
 /// @throws DataError if an image has none or several, and as check_apart().
 void apply_exposures(const std::filesystem::path& list, const std::vector<NamedExposure>& exposures,
                      std::vector<FrameFile>& files, std::vector<std::string>& notes);
@@ -95,6 +96,10 @@ void read_frames(std::vector<FrameFile> files, Recording& recording);
 /// @throws DataError for a folder without images, a video that ffmpeg cannot read.
 void replace_frames(const std::filesystem::path& path, const ReadOptions& options,
                     Contents& contents);
+
+/// Notes names in `list` whose accents are stored in another form than those of the files.
+void note_respelled(const std::filesystem::path& list, const std::vector<std::string>& names,
+                    std::vector<std::string>& notes);
 
 /// Removes the UTF-8 byte order mark that spreadsheets put before the first line.
 std::string without_mark(const std::string& text);

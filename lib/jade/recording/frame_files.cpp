@@ -10,6 +10,7 @@
 #include "jade/events/time_unit.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/range.h"
+#include "jade/io/accents.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -102,6 +103,14 @@ void check_length(const fs::path& list, const std::vector<const FrameFile*>& exp
 
 }  // namespace
 
+void note_respelled(const fs::path& list, const std::vector<std::string>& names,
+                    std::vector<std::string>& notes) {
+  if (names.empty()) return;
+  notes.push_back(concat(list.string(), ": ", names.size(), " names, such as ", names.front(),
+                         ", have accents in another form than the files (one letter, or a letter ",
+                         "and a mark, as macOS writes them); the files that look alike are used"));
+}
+
 void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exposures,
                      std::vector<FrameFile>& files, std::vector<std::string>& notes) {
   std::map<std::string, Rows> by_name;
@@ -109,9 +118,17 @@ void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exp
     by_name[fs::path(row.name).filename().string()].push_back(&row);
   }
   std::set<const NamedExposure*> used;
+  std::vector<std::string> respelled;
   for (FrameFile& file : files) {
     auto found = by_name.find(file.path.filename().string());
     if (found == by_name.end()) found = by_name.find(file.path.stem().string());
+    if (found == by_name.end()) {
+      found = std::find_if(by_name.begin(), by_name.end(), [&](const auto& row) {
+        return io::same_but_accents(row.first, file.path.filename().string()) ||
+               io::same_but_accents(row.first, file.path.stem().string());
+      });
+      if (found != by_name.end()) respelled.push_back(found->first);
+    }
     if (found == by_name.end()) {
       throw DataError(concat(list.string(), ": expected a line for ", file.path.filename().string(),
                              ", found none among ", exposures.size(), "; add it"));
@@ -120,6 +137,7 @@ void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exp
     file.time = events::TimeWindow{row.start_us, row.end_us};
     used.insert(&row);
   }
+  note_respelled(list, respelled, notes);
   note_unused(list, exposures, used, notes);
   check_apart(list, files, notes);
 }

@@ -12,6 +12,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
+#include "jade/io/accents.h"
 #include "jade/io/zip.h"
 #include "jade/recording/contents.h"
 
@@ -65,10 +66,12 @@ std::string prefix_of(const io::Zip& archive) {
 }
 
 /// Lists of other tools omit the folder images/, and lists copied into that folder still contain
-/// it.
+/// it. Accents may be in another form than the file's.
 fs::path listed_file(const fs::path& folder, const fs::path& name) {
   for (const fs::path& file : {folder / name, folder / "images" / name, folder / name.filename()}) {
     if (fs::is_regular_file(file)) return file;
+    if (const fs::path respelled = io::respelled(file); fs::is_regular_file(respelled))
+      return respelled;
   }
   return folder / name;
 }
@@ -152,6 +155,7 @@ std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::stri
   std::istringstream text(without_mark(read_file(list)));
   std::vector<FrameFile> out;
   std::vector<double> times;
+  std::vector<std::string> respelled;
   int64_t number = 0;
   for (std::string line; std::getline(text, line);) {
     ++number;
@@ -172,8 +176,10 @@ std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::stri
     }
     times.push_back(value);
     out.push_back({listed_file(list.parent_path(), name), std::nullopt});
+    if (out.back().path.filename() != name.filename()) respelled.push_back(name.string());
   }
   set_times(list, times, out, notes);
+  note_respelled(list, respelled, notes);
   tidy_list(list, out, notes);
   return out;
 }
