@@ -92,6 +92,15 @@ TEST_CASE("evdeblur: gains without a header line count from the first line on", 
   CHECK_THROWS_WITH(load(folder / "scene"), Catch::Contains("gains.csv:1"));
 }
 
+TEST_CASE("evdeblur: frames without a gain are named", "[data]") {
+  const test::TempDir folder;
+  write_evdeblur(folder / "scene", test::tiny_content());
+  std::vector<std::string> warnings;
+  folder.write("scene/gains.csv", "\xEF\xBB\xBFname,gain\r\n00,1.5\r\n02,1.2\r\n");
+  CHECK(load(folder / "scene", &warnings).train[0].gain == 1.5);
+  CHECK(mentions(warnings, "gains.csv: expected a gain for each frame, found none for 01, 03, 04"));
+}
+
 TEST_CASE("evdeblur: frames go by their numbers, with a warning where text would not", "[data]") {
   const test::TempDir folder;
   const fs::path images = folder / "scene/images_1";
@@ -279,7 +288,9 @@ TEST_CASE("evdeblur: held-out names that are no exposure, or all of them, are re
   write_evdeblur(folder / "scene", test::tiny_content());
   write_file(folder / "scene" / kHeldOutFile, "01\n77\n");
   CHECK_THROWS_NAMING(DataError, load(folder / "scene"), "'77'");
-  write_file(folder / "scene" / kHeldOutFile, "00\n01\r\n02\n\n03\n");
+  write_file(folder / "scene" / kHeldOutFile,
+             "\xEF\xBB\xBF"
+             "00\n01\r\n02\n\n03\n");
   CHECK_THROWS_NAMING(DataError, load(folder / "scene"), "every exposure");
 }
 

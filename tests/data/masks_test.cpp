@@ -63,7 +63,7 @@ TEST_CASE("masks: without any, frames have none and keep their bits", "[data]") 
 
 TEST_CASE("masks: a folder masks/ with any of the usual names", "[data]") {
   const std::string name = GENERATE("masks/00.png", "masks/00.png.png", "masks/00.jpg.png",
-                                    "masks_1/00.png", "masks/images_1/00.png");
+                                    "masks_1/00.png", "masks/images_1/00.png", "Masks/00.png");
   CAPTURE(name);
   MaskedScene scene;
   scene.put(name, without_left());
@@ -73,6 +73,13 @@ TEST_CASE("masks: a folder masks/ with any of the usual names", "[data]") {
   CHECK(data.train[0].blurry.slice(2, 0, 2).abs().max().item<float>() == 0);
   CHECK(data.train[0].blurry.slice(2, 2).min().item<float>() < 1);
   CHECK(test::mentions(scene.warnings, "no mask for 5 of 6 frames"));
+}
+
+TEST_CASE("masks: the mask of all frames in any case", "[data]") {
+  const std::string name = GENERATE("Mask.png", "MASK.PNG");
+  MaskedScene scene;
+  scene.put(name, without_left());
+  CHECK(is_excluded(scene.load().train[1].mask, without_left()));
 }
 
 TEST_CASE("masks: frames in nested folders have theirs in the same folders below masks/",

@@ -48,7 +48,7 @@ TEST_CASE("unused parts: formats of frames that were read are not called unread"
              !Catch::Contains("0.jp2") && Catch::Contains("0.exr"));
 }
 
-TEST_CASE("unused parts: names are compared without case, and Masks/ is not masks/", "[data]") {
+TEST_CASE("unused parts: names are compared without case, Masks/ is masks/", "[data]") {
   const test::TempDir folder;
   const auto lines = [&] {
     return told(unused_in_any_layout(folder.path(), folder / "images", false, {}));
@@ -59,7 +59,7 @@ TEST_CASE("unused parts: names are compared without case, and Masks/ is not mask
   std::filesystem::rename(folder / "masks", folder / "Masks");
   folder.write("IMU.csv", "x");
   REQUIRE(lines().size() == 1);
-  CHECK_THAT(lines()[0], Catch::Contains("Masks/ (masks") && Catch::Contains("IMU.csv"));
+  CHECK_THAT(lines()[0], !Catch::Contains("Masks/") && Catch::Contains("IMU.csv"));
 }
 
 TEST_CASE("unused parts: nothing found, nothing said", "[data]") {

@@ -165,6 +165,10 @@ TEST_CASE("calibration: other spellings of OpenCV's keys", "[import]") {
 TEST_CASE("calibration: calib.txt of RPG fits any size its centre lies in", "[import]") {
   const auto calibration = read("199.1 198.8 132.2 110.7 -0.368 0.151 -0.0003 -0.0008 0.0\n");
   CHECK(calibration.cameras.at(0).lens.p2 == -0.0008);
+  CHECK(read("\xEF\xBB\xBF"
+             "199.1 198.8 132.2 110.7 0 0 0 0 0\r\n")
+            .cameras.at(0)
+            .fx == 199.1);
   const auto camera = import::camera_of(calibration, 0, 240, 180, "frames");
   CHECK((camera.pinhole().cx == Approx(132.7) && camera.pinhole().width == 240));
   CHECK_THROWS_AS(import::camera_of(calibration, 0, 120, 90, "frames"), DataError);

@@ -46,6 +46,16 @@ TEST_CASE("colmap: binary and text models hold the same cameras, images and poin
   check_model(read_colmap(folder.path()));
 }
 
+TEST_CASE("colmap: text with a byte order mark and line ends of Windows is read", "[io]") {
+  ColmapFiles files = test::text_model(kCamera, two_images(), kPoints);
+  for (std::string* text : {&files.cameras, &files.images, &files.points}) {
+    std::string other = "\xEF\xBB\xBF";
+    for (const char letter : *text) other += letter == '\n' ? "\r\n" : std::string(1, letter);
+    *text = other;
+  }
+  check_model(parse_colmap(files));
+}
+
 TEST_CASE("colmap: a model cut anywhere is a data error, never a crash", "[io]") {
   const ColmapFiles whole = test::binary_model(kCamera, two_images(), kPoints);
   for (size_t size = 0; size < whole.images.size(); ++size) {

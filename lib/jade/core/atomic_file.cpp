@@ -88,6 +88,10 @@ void write_file(const fs::path& path, const std::string& content) {
   file.commit();
 }
 
+std::string without_mark(const std::string& text) {
+  return text.rfind("\xEF\xBB\xBF", 0) == 0 ? text.substr(3) : text;
+}
+
 std::string read_file(const fs::path& path) {
   errno = 0;
   std::ifstream in(path, std::ios::binary);

@@ -57,6 +57,9 @@ void write_file(const std::filesystem::path& path, const std::string& content);
 /// Returns the content of a file. @throws DataError if it cannot be read.
 std::string read_file(const std::filesystem::path& path);
 
+/// Removes the UTF-8 byte order mark that spreadsheets and Windows editors put before a text.
+std::string without_mark(const std::string& text);
+
 /// Creates a folder with its parents and checks that files can be created in it.
 /// @throws DataError naming the path and the reason.
 void make_writable_folder(const std::filesystem::path& path);

@@ -87,7 +87,7 @@ void settle_color(FrameColor color, const Warnings& warnings, Dataset& data) {
 std::vector<std::string> held_out_names(const fs::path& path) {
   std::vector<std::string> names;
   if (!fs::exists(path)) return names;
-  std::istringstream lines(read_file(path));
+  std::istringstream lines(without_mark(read_file(path)));
   for (std::string line; std::getline(lines, line);) {
     while (!line.empty() && std::isspace(static_cast<unsigned char>(line.back())) != 0) {
       line.pop_back();

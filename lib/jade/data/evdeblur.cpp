@@ -318,10 +318,10 @@ void read_points(const fs::path& path, Dataset& data) {
 void read_gains(const fs::path& path, const Warnings& warnings, Dataset& data) {
   if (!fs::exists(path)) return;
   std::map<std::string, double> gains;
-  std::istringstream text(read_file(path));
+  std::istringstream text(without_mark(read_file(path)));
   int64_t number = 0;
   for (std::string line; std::getline(text, line);) {
-    if (++number == 1 && line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);
+    ++number;
     if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
     const auto comma = line.rfind(',');
     double gain = 0;
@@ -341,14 +341,22 @@ void read_gains(const fs::path& path, const Warnings& warnings, Dataset& data) {
     }
     gains[line.substr(0, comma)] = gain;
   }
+  std::vector<std::string> without;
   const auto set = [&](auto& frame) {
     const auto found = gains.find(frame.name);
-    if (found == gains.end()) return;
+    if (found == gains.end()) {
+      without.push_back(frame.name);
+      return;
+    }
     frame.gain = found->second;
     gains.erase(found);
   };
   for (Exposure& exposure : data.train) set(exposure);
   for (SharpView& view : data.test) set(view);
+  if (!without.empty() && gains.empty()) {
+    warnings.add(path.string(), ": expected a gain for each frame, found none for ",
+                 listing(without, 3), ", which get a gain of 1; add their lines");
+  }
   if (gains.empty()) return;
   throw DataError(concat(path.string(), ": expected names of frames, found '", gains.begin()->first,
                          "'; correct the line or remove the file"));

@@ -4,6 +4,7 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <cstdio>
+#include <map>
 #include <set>
 #include <string>
 #include <torch/types.h>
@@ -11,6 +12,7 @@
 #include "jade/core/error.h"
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
+#include "jade/data/named_files.h"
 #include "jade/imaging/image_io.h"
 
 namespace jade::data {
@@ -25,16 +27,33 @@ struct MaskFolder {
 
 /// Folders named masks beside the folder of a frame, or beside one of its parents up to the root.
 /// Inside, frames have the path that they have from there, with or without its first folder.
-std::vector<MaskFolder> mask_folders(const fs::path& frame, const fs::path& root) {
+class MaskFolders {
+ public:
+  explicit MaskFolders(const fs::path& root) : root_(root) {}
+  std::vector<MaskFolder> of(const fs::path& frame);
+
+ private:
+  /// Keeps the places, because frames share them and folders may be long.
+  fs::path spelled(const fs::path& folder, const std::string& name) {
+    const auto [at, added] = known_.emplace(folder / name, fs::path());
+    if (added) at->second = in_any_case(folder, name);
+    return at->second;
+  }
+
+  fs::path root_;
+  std::map<fs::path, fs::path> known_;
+};
+
+std::vector<MaskFolder> MaskFolders::of(const fs::path& frame) {
   const fs::path home = frame.parent_path().lexically_normal();
-  const fs::path top = fs::absolute(root / ".").lexically_normal().parent_path();
+  const fs::path top = fs::absolute(root_ / ".").lexically_normal().parent_path();
   const std::string name = home.filename().string();
   std::vector<MaskFolder> folders;
   if (name.rfind("images_", 0) == 0) {
-    folders.push_back({home.parent_path() / ("masks_" + name.substr(7)), {}});
+    folders.push_back({spelled(home.parent_path(), "masks_" + name.substr(7)), {}});
   }
   if (fs::absolute(home / ".").lexically_normal().parent_path() == top) {
-    folders.push_back({home / "masks", {}});
+    folders.push_back({spelled(home, "masks"), {}});
     return folders;
   }
   const auto is_within = [&](const fs::path& place) {
@@ -49,8 +68,8 @@ std::vector<MaskFolder> mask_folders(const fs::path& frame, const fs::path& root
     whole = place.filename() / whole;
     place = place.parent_path();
     if (outside ? parents >= kParentsOutside : !is_within(place)) break;
-    folders.push_back({place / "masks", inner});
-    folders.push_back({place / "masks", whole});
+    folders.push_back({spelled(place, "masks"), inner});
+    folders.push_back({spelled(place, "masks"), whole});
   }
   return folders;
 }
@@ -66,8 +85,8 @@ fs::path mask_in(const MaskFolder& at, const fs::path& frame) {
 }
 
 /// The mask beside a frame, or an empty path.
-fs::path mask_beside(const fs::path& frame, const fs::path& root) {
-  for (const MaskFolder& at : mask_folders(frame, root)) {
+fs::path mask_beside(const fs::path& frame, MaskFolders& folders) {
+  for (const MaskFolder& at : folders.of(frame)) {
     if (fs::path path = mask_in(at, frame); !path.empty()) return path;
   }
   return {};
@@ -113,12 +132,12 @@ namespace {
 
 /// Warns of frames without a mask if others have one.
 void tell_unmatched(const std::vector<fs::path>& paths, const std::vector<fs::path>& beside,
-                    const fs::path& root, const Warnings& warnings) {
+                    MaskFolders& places, const Warnings& warnings) {
   std::vector<std::string> without;
   std::set<fs::path> folders;
   for (size_t i = 0; i < paths.size(); ++i) {
     if (beside[i].empty()) without.push_back(paths[i].filename().string());
-    for (const MaskFolder& at : mask_folders(paths[i], root)) {
+    for (const MaskFolder& at : places.of(paths[i])) {
       if (fs::is_directory(at.folder)) folders.insert(at.folder);
     }
   }
@@ -215,17 +234,18 @@ std::vector<torch::Tensor> read_masks(const std::vector<fs::path>& paths,
   at::parallel_for(0, int64_t(paths.size()), 1, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) alphas[size_t(i)] = opaque_part(paths[size_t(i)]);
   });
+  MaskFolders folders(sources.root);
   std::vector<fs::path> beside(paths.size());
   for (size_t i = 0; i < paths.size(); ++i) {
     add(i, alphas[i], "alpha");
-    beside[i] = mask_beside(paths[i], sources.root);
+    beside[i] = mask_beside(paths[i], folders);
     if (!beside[i].empty()) add(i, checked_mask(beside[i], paths[i], images[i]), "masks/");
     if (i < sources.named.size() && !sources.named[i].empty()) {
       add(i, checked_mask(sources.named[i], paths[i], images[i]), "mask_path");
     }
   }
-  tell_unmatched(paths, beside, sources.root, warnings);
-  for (const fs::path& path : {sources.of_all, sources.root / kMaskFile}) {
+  tell_unmatched(paths, beside, folders, warnings);
+  for (const fs::path& path : {sources.of_all, in_any_case(sources.root, kMaskFile)}) {
     if (path.empty() || (path != sources.of_all && !fs::is_regular_file(path))) continue;
     const torch::Tensor mask = checked_mask(path, paths.front(), images.front());
     for (size_t i = 0; i < paths.size(); ++i) {

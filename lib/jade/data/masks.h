@@ -32,8 +32,8 @@ struct MaskSources {
 /// A pixel counts if all sources agree: alpha (opaque_part), the mask that the data set names, the
 /// one in a folder masks/ beside that of the frames, `of_all`, and kMaskFile in the root. For
 /// images/a.jpg, masks/ may have a.png, a.jpg, a.jpg.png (COLMAP) or a.png.png; for images_4 a
-/// folder masks_4 precedes masks; images/cam0/a.jpg may have masks/cam0/a.png. Logs one line that
-/// says how many pixels each source excludes.
+/// folder masks_4 precedes masks; images/cam0/a.jpg may have masks/cam0/a.png. The case of masks/
+/// and of kMaskFile does not matter. Logs one line that says how many pixels each source excludes.
 /// @param paths   of the frames
 /// @param images  read from these, [3,H,W]
 /// @throws DataError naming the file for a mask that is missing, unreadable, of another size than

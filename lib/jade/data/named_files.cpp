@@ -60,6 +60,20 @@ std::string in_small_letters(std::string text) {
   return text;
 }
 
+fs::path in_any_case(const fs::path& folder, const std::string& name) {
+  std::error_code error;
+  fs::path best = folder / name;
+  if (fs::exists(best, error)) return best;
+  std::string first;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string found = entry->path().filename().string();
+    if (in_small_letters(found) == in_small_letters(name) && (first.empty() || found < first))
+      first = found;
+  }
+  return first.empty() ? best : folder / first;
+}
+
 std::string slashed(std::string path) {
   std::replace(path.begin(), path.end(), '\\', '/');
   return path;

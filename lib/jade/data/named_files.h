@@ -20,6 +20,10 @@ void tell_respelled(const std::filesystem::path& list, const std::vector<std::st
 /// The text in lower case, to compare names without case. Letters beyond ASCII stay.
 std::string in_small_letters(std::string text);
 
+/// The entry `name` of a folder, or the first in order that differs only by case; `folder / name`
+/// if there is none.
+std::filesystem::path in_any_case(const std::filesystem::path& folder, const std::string& name);
+
 /// An image below `folder` whose path differs from `given` only by case or extension, relative to
 /// `folder`; empty if there is none.
 std::filesystem::path near_image(const std::filesystem::path& folder, const std::string& given);

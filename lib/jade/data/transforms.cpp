@@ -524,7 +524,7 @@ void tell_unnamed(const fs::path& root, const std::string& image_folder,
       const bool map = name.find("_depth_") != std::string::npos ||
                        name.find("_normal_") != std::string::npos ||
                        name.rfind("dynamic_mask_", 0) == 0;
-      if (map || name == kMaskFile) continue;
+      if (map || in_small_letters(name) == kMaskFile) continue;
       ++all;
       if (named.count(fs::weakly_canonical(fs::absolute(image))) == 0) others.push_back(name);
     }

@@ -106,10 +106,6 @@ UnusedParts unused_in_any_layout(const fs::path& root, const fs::path& frames, b
   if (names_masks) return parts;
   const std::string meaning = "masks; those that count are read from masks/ beside the frames";
   parts.look_for_files(root, {{"mask/", meaning}});
-  for (const fs::path& place : {root, frames.parent_path()}) {
-    const std::string found = first_that_fits(place, "masks", /*is_folder=*/true);
-    if (!found.empty() && found != "masks") parts.look_for_files(place, {{found + "/", meaning}});
-  }
   const std::string name = frames.filename().string();
   if (!name.empty() && fs::absolute(frames).lexically_normal() !=
                            fs::absolute(root / ".").lexically_normal().parent_path()) {

@@ -491,7 +491,7 @@ Calibration read_calibration(const std::filesystem::path& path) {
     throw DataError(
         concat(path.string(), ": expected a calibration file, found none; correct the path"));
   }
-  const std::string text = read_file(path);
+  const std::string text = without_mark(read_file(path));
   if (const std::string other = io::stand_in(text.substr(0, 1024), path); !other.empty())
     throw DataError(concat(path.string(), ": expected a calibration file, found ", other));
   const auto row = plain_numbers(text);

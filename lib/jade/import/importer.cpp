@@ -14,6 +14,7 @@
 #include "jade/core/progress.h"
 #include "jade/core/readable.h"
 #include "jade/data/masks.h"
+#include "jade/data/named_files.h"
 #include "jade/imaging/image_io.h"
 #include "jade/import/capture.h"
 #include "jade/import/colmap.h"
@@ -351,7 +352,8 @@ std::string masks_text(const fs::path& frames) {
   if (frames.empty()) return "";
   const fs::path whole = fs::absolute(frames).lexically_normal();
   const fs::path beside = (whole.has_filename() ? whole : whole.parent_path()).parent_path();
-  return fingerprint(beside / "masks") + fingerprint(beside / data::kMaskFile);
+  return fingerprint(data::in_any_case(beside, "masks")) +
+         fingerprint(data::in_any_case(beside, data::kMaskFile));
 }
 
 Stage read_stage(const ImportOptions& options, Progressed& so_far) {

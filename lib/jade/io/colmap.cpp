@@ -177,7 +177,8 @@ Points binary_points(const std::string& bytes, const std::string& file) {
 /// The lines of a text file that are not comments, with their numbers. Empty lines are kept,
 /// because an image without observations has one.
 struct Lines {
-  Lines(const std::string& text, std::string name) : stream(text), file(std::move(name)) {}
+  Lines(const std::string& text, std::string name)
+      : stream(without_mark(text)), file(std::move(name)) {}
   bool next() {
     while (std::getline(stream, line)) {
       ++number;

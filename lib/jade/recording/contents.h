@@ -101,9 +101,6 @@ void replace_frames(const std::filesystem::path& path, const ReadOptions& option
 void note_respelled(const std::filesystem::path& list, const std::vector<std::string>& names,
                     std::vector<std::string>& notes);
 
-/// Removes the UTF-8 byte order mark that spreadsheets put before the first line.
-std::string without_mark(const std::string& text);
-
 /// Reads images.txt: one line per image with a time and a path, which may have blanks. Times are in
 /// seconds; whole numbers more than 1000 apart on average are µs or ns, which is noted. Notes
 /// images that are listed twice or missing, and unlisted ones of the folder; all are skipped.

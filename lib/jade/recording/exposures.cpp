@@ -92,10 +92,6 @@ bool parse_exposure(const std::array<std::string, 3>& columns, NamedExposure* ou
 
 }  // namespace
 
-std::string without_mark(const std::string& text) {
-  return text.rfind("\xEF\xBB\xBF", 0) == 0 ? text.substr(3) : text;
-}
-
 events::TimeWindow exposure_at(int64_t t_us, int64_t length_us, Stamp stamp) {
   const int64_t before = stamp == Stamp::kStart    ? 0
                          : stamp == Stamp::kMiddle ? length_us / 2

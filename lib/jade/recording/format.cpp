@@ -6,6 +6,7 @@
 #include <fstream>
 #include <string>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/io/colmap.h"
 #include "jade/io/stand_in.h"

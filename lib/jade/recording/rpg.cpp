@@ -27,6 +27,13 @@ bool stays_inside(const fs::path& name) {
          std::none_of(name.begin(), name.end(), [](const fs::path& part) { return part == ".."; });
 }
 
+/// In lower case; letters beyond ASCII stay.
+std::string in_small_letters(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char letter) { return char(std::tolower(letter)); });
+  return text;
+}
+
 /// Images of a folder without images.txt; another list must contain their times.
 std::vector<FrameFile> unlisted_images(const fs::path& folder) {
   std::vector<FrameFile> out;
@@ -207,7 +214,8 @@ Contents read_rpg_zip(const fs::path& path, const ReadOptions& options) {
   for (const std::string& name : archive.names()) {
     if (name.compare(0, prefix.size(), prefix) != 0 || name.back() == '/') continue;
     const fs::path inside = name.substr(prefix.size());
-    const bool mask = *inside.begin() == "masks" || inside == "mask.png";
+    const bool mask =
+        in_small_letters(*inside.begin()) == "masks" || in_small_letters(inside) == "mask.png";
     const bool image = inside.has_parent_path() && *inside.begin() == "images";
     const bool list = !inside.has_parent_path() &&
                       (inside.extension() == ".txt" || inside.extension() == ".csv" ||
