@@ -44,7 +44,7 @@ std::string polarity_fault(const EventStream& events) {
 std::string resolution_fault(const EventStream& events) {
   constexpr int64_t kFew = 1000;                // fewer events are inconclusive
   constexpr int64_t kCrowd = 8;                 // events at each time, on average
-  constexpr int64_t kCoarsestUs = 100;          // a camera's own resolution is about 1 us
+  constexpr int64_t kCoarsestUs = 500;          // harmless in exposures of 5 ms and more
   constexpr size_t kTelling = size_t(1) << 17;  // distinct times
   const int64_t* const t = events.t_us().const_data_ptr<int64_t>();
   std::vector<int64_t> gaps;

@@ -15,7 +15,7 @@ namespace jade::events {
 std::string polarity_fault(const EventStream& events);
 
 /// A fault of event times that lost digits: many events share each of the distinct times, half of
-/// which or more are 100 us or more apart. Empty otherwise.
+/// which or more are 0.5 ms or more apart. Empty otherwise.
 std::string resolution_fault(const EventStream& events);
 
 /// A fault of frame times that lost digits: those of a steady camera whose times from frame to
