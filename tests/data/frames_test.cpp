@@ -43,6 +43,14 @@ TEST_CASE("frames: links that lead nowhere or to themselves are passed over", "[
   CHECK(list_images_within(folder / "images_2") == std::vector{image});
 }
 
+TEST_CASE("frames: those of a kind that is not read are named", "[data]") {
+  const test::TempDir folder;
+  CHECK_THROWS_NAMING(DataError, find_image_folder(folder.path(), ""), "found none; set");
+  folder.write("images/a.dng", "");
+  folder.write("images/b.dng", "");
+  CHECK_THROWS_NAMING(DataError, find_image_folder(folder.path(), ""), "2 files .dng", "convert");
+}
+
 TEST_CASE("frames: an orientation that is not applied is one warning", "[data]") {
   // A JPEG of 8x8 gray pixels; its EXIF data say that it is upside down.
   const test::TempDir folder;

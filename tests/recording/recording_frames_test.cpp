@@ -491,3 +491,12 @@ TEST_CASE("recording: names with accents in another form are found and noted", "
   CHECK(read_recording(noise.folder).frames.size() == 6);
   CHECK_THAT(noise.notes(), test::naming("6 names, such as images/\u00e90.png"));
 }
+
+TEST_CASE("recording: a folder with frames of a kind that is not read says so", "[recording]") {
+  const Noise noise;
+  noise.dir.write("b/1.heic", "");
+  ReadOptions options;
+  options.frames = noise.dir / "b";
+  CHECK_THAT(error_of([&] { read_recording(noise.folder, options); }),
+             test::naming("found none", "1 file .heic", ".png"));
+}

@@ -21,6 +21,7 @@
 #include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
 #include "jade/imaging/image_io.h"
+#include "jade/imaging/unread_images.h"
 #include "jade/io/npy.h"
 
 namespace jade::data {
@@ -157,7 +158,9 @@ Sources read_sources(const DatasetOptions& options, const Warnings& warnings) {
                            "a frame"));
   }
   s.views = read_llff(pose_path);
-  if (s.image_files.empty()) throw DataError(concat(s.images.string(), ": holds no images"));
+  if (s.image_files.empty())
+    throw DataError(
+        concat(s.images.string(), ": holds no images", imaging::unread_images(s.images)));
   if (s.times.size() != s.image_files.size() || s.views.size() != s.image_files.size()) {
     throw DataError(concat(options.path.string(), ": ", s.image_files.size(), " images in ",
                            s.images.filename().string(), "/, ", s.times.size(),

@@ -15,6 +15,7 @@
 #include "jade/imaging/image_header.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/range.h"
+#include "jade/imaging/unread_images.h"
 
 namespace jade::data {
 
@@ -63,9 +64,12 @@ fs::path find_image_folder(const fs::path& root, const std::string& wanted, Imag
     const bool nested = depth == ImageDepth::kNested && fs::is_directory(folder);
     if (nested && !list_images_within(folder).empty()) return folder;
   }
-  throw DataError(concat(root.string(),
-                         ": expected frames in images_1/ or images/, found none; set "
-                         "dataset.image_folder"));
+  std::string unread;
+  for (const fs::path& folder : candidates) {
+    if (unread.empty()) unread = imaging::unread_images(folder);
+  }
+  throw DataError(concat(root.string(), ": expected frames in images_1/ or images/, found none",
+                         unread, unread.empty() ? "; set" : ", or set", " dataset.image_folder"));
 }
 
 double folder_scale(const fs::path& image_folder) {

@@ -16,6 +16,7 @@
 #include "jade/data/masks.h"
 #include "jade/data/named_files.h"
 #include "jade/imaging/image_io.h"
+#include "jade/imaging/unread_images.h"
 #include "jade/import/capture.h"
 #include "jade/import/colmap.h"
 #include "jade/import/exposure_length.h"
@@ -133,6 +134,14 @@ recording::ReadOptions read_options(const ImportOptions& options) {
   return how;
 }
 
+/// Names files of a folder that are no images that are read.
+std::string unread_images(const fs::path& source) {
+  for (const fs::path& place : {source / "images_1", source / "images", source}) {
+    if (std::string found = imaging::unread_images(place); !found.empty()) return found;
+  }
+  return "";
+}
+
 void check_recording(const recording::Recording& recording, const TimeOptions& time) {
   const std::string source = recording.source.string();
   if (recording.frames.empty() && (time.begin_s > 0 || time.end_s > 0)) {
@@ -147,9 +156,9 @@ void check_recording(const recording::Recording& recording, const TimeOptions& t
             ? concat(source, ": holds ", recording.untimed_frames,
                      " frames and no time of any; give --frame-times LIST.csv "
                      "(name,start_us,end_us)")
-            : concat(source,
-                     ": holds no frames; give a folder of them with --frames DIR, each named after "
-                     "a line of its times"));
+            : concat(source, ": holds no frames", unread_images(recording.source),
+                     "; give a folder of them with --frames DIR, each named after a line of its "
+                     "times"));
   }
   if (recording.stored_events == 0) {
     throw DataError(concat(source, ": holds no events; expected a recording of an event camera"));

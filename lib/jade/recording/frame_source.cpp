@@ -11,6 +11,7 @@
 #include "jade/core/error.h"
 #include "jade/events/stream_faults.h"
 #include "jade/imaging/image_io.h"
+#include "jade/imaging/unread_images.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -93,7 +94,9 @@ std::vector<FrameFile> frames_of_folder(const fs::path& folder, const ReadOption
   } else {
     for (const fs::path& file : imaging::list_images(folder)) out.push_back({file, {}});
   }
-  if (out.empty()) throw DataError(concat(folder.string(), ": expected images, found none"));
+  if (out.empty())
+    throw DataError(
+        concat(folder.string(), ": expected images, found none", imaging::unread_images(folder)));
   if (fs::is_regular_file(folder / "exposures.csv")) {
     apply_exposures(folder / "exposures.csv", read_exposures(folder / "exposures.csv"), out,
                     recording.notes);

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/imaging/unread_images.h"
+
+#include <algorithm>
+#include <cctype>
+#include <map>
+#include <set>
+
+#include "jade/core/error.h"
+
+namespace jade::imaging {
+
+namespace fs = std::filesystem;
+
+std::string unread_images(const fs::path& folder) {
+  static const std::set<std::string> others{".txt", ".csv", ".tsv", ".json", ".yaml", ".yml",
+                                            ".xml", ".npz", ".npy", ".md",   ".h5",   ".hdf5",
+                                            ".raw", ".bin", ".ply", ".log",  ""};
+  static const std::set<std::string> videos{".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v"};
+  std::map<std::string, int64_t> counts;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
+    std::string kind = entry->path().extension().string();
+    std::transform(kind.begin(), kind.end(), kind.begin(),
+                   [](unsigned char letter) { return char(std::tolower(letter)); });
+    const bool hidden = entry->path().filename().string()[0] == '.';
+    if (!hidden && others.count(kind) == 0 && entry->is_regular_file(ignored)) ++counts[kind];
+  }
+  const auto most = std::max_element(counts.begin(), counts.end(), [](const auto& a, const auto& b) {
+    return a.second < b.second;
+  });
+  if (most == counts.end()) return "";
+  return concat("; found ", most->second, most->second == 1 ? " file " : " files ", most->first,
+                " in ", folder.string(), ", which is not read as frames; ",
+                videos.count(most->first) > 0
+                    ? "extract its frames as images"
+                    : "convert them to .png, .jpg, .tif, .bmp, .webp, .ppm or .pgm");
+}
+
+}  // namespace jade::imaging
