@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Restores sharp frames from blurry ones and their events, in 2D only.
+#include <algorithm>
 #include <torch/types.h>
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/device.h"
+#include "jade/core/error.h"
+#include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
 #include "jade/data/dataset.h"
 #include "jade/run/checkpoint.h"
@@ -63,6 +66,42 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                "Also write unclamped float32 [3,H,W] beside each picture");
 }
 
+/// Names the data set and the method in a folder of pictures.
+constexpr char kMark[] = "deblur.txt";
+
+std::string mark_of(const DeblurFlags& flags) {
+  return concat("method ", flags.method, "\ndata set ",
+                apps::whole_path(flags.options.settings.dataset.path).string(), "\n");
+}
+
+/// Allows a folder without files, or with pictures of the same data set and method, which the new
+/// ones replace.
+void check_output(const std::filesystem::path& output, const DeblurFlags& flags) {
+  namespace fs = std::filesystem;
+  if (!fs::exists(output)) return;
+  if (!fs::is_directory(output))
+    throw ConfigError(concat("--output: expected a folder, found the file ", output.string()));
+  std::string other;
+  for (const auto& entry : fs::directory_iterator(output)) {
+    const std::string name = entry.path().filename().string();
+    if (name != kMark && name != ".lock") other = name;
+  }
+  if (other.empty()) return;
+  const fs::path mark = output / kMark;
+  if (!fs::is_regular_file(mark)) {
+    throw ConfigError(
+        concat("--output: expected a new or empty folder, or one of an earlier "
+               "jade_deblur, found other files in ",
+               output.string(), " (", other, "); choose another"));
+  }
+  if (read_file(mark) == mark_of(flags)) return;
+  std::string found = read_file(mark);
+  std::replace(found.begin(), found.end(), '\n', ' ');
+  throw ConfigError(concat("--output: expected a folder of this method and data set, found in ",
+                           output.string(), " pictures of ", found,
+                           "; choose another, or remove it"));
+}
+
 /// Runs before anything is loaded.
 void check_flags(const DeblurFlags& flags, const restore::Method& method,
                  const std::filesystem::path& output) {
@@ -75,6 +114,7 @@ void check_flags(const DeblurFlags& flags, const restore::Method& method,
   }
   if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
   apps::check_apart(output, settings.dataset);
+  check_output(output, flags);
   if (method.needs_truth && !flags.pictures.times.empty()) {
     throw ConfigError(
         concat("--times: method ", method.name,
@@ -103,6 +143,13 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   run::settle_thresholds(dataset, run::data_fingerprint(dataset), flags.options.log_offset,
                          flags.options.settings);
   make_writable_folder(output);
+  const auto lock = FolderLock::take(output);
+  if (!lock) {
+    throw DataError(concat(output.string(),
+                           ": another jade_deblur is at work here; wait for it or "
+                           "choose another --output"));
+  }
+  write_file(output / kMark, mark_of(flags));
   const run::Deblurred deblurred =
       run::deblur(dataset, flags.options, method, output, flags.pictures, device);
   if (deblurred.written == 0) {
