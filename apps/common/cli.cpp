@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <c10/util/Exception.h>
 #include <cerrno>
+#include <climits>
 #include <cstdio>
 #include <new>
+#include <unistd.h>
 #include <utility>
 
 #include "common/interface.h"
@@ -95,6 +97,21 @@ ExitCode report_exception() {
     return ExitCode::kBug;
   }
 }
+
+/// Ends a process whose current folder was deleted. Runs before the libraries' constructors,
+/// because that of MKL in LibTorch would end it with a message about another cause.
+void check_current_folder(int, char**, char**) {
+  static char path[PATH_MAX];
+  if (getcwd(path, sizeof path) != nullptr || errno != ENOENT) return;
+  constexpr char kMessage[] =
+      "error: the current folder is gone, perhaps deleted; change to another one (cd) and run "
+      "again\n";
+  const ssize_t written = write(STDERR_FILENO, kMessage, sizeof kMessage - 1);
+  _exit(written < 0 ? 1 : static_cast<int>(ExitCode::kData));
+}
+
+[[gnu::section(".preinit_array"),
+  gnu::used]] void (*const kCheckCurrentFolder)(int, char**, char**) = check_current_folder;
 
 /// @throws DataError if standard output did not accept all output. If its reader has exited (`|
 ///   head`), only the exit code says so.

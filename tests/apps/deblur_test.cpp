@@ -52,7 +52,9 @@ struct Scene {
     }
     save_network(dir / "net.pt", "  return image * 0.9\n");
   }
+  /// Into an empty folder out.
   Outcome deblur(const std::string& flags) const {
+    fs::remove_all(dir / "out");
     return run(dir, concat("jade_deblur --device cpu --quiet --dataset scene --output out ",
                            kThresholds, flags));
   }
@@ -139,6 +141,21 @@ TEST_CASE("jade_deblur: gray frames are restored in gray, and coloured ones in c
   CHECK_FALSE(is_gray(coloured));
 }
 
+TEST_CASE("jade_deblur: a folder of other files or of another method is refused", "[apps]") {
+  const Scene scene;
+  const std::string into = concat("jade_deblur --device cpu --quiet --dataset scene ", kThresholds,
+                                  "--efnet net.pt --output ");
+  CHECK(run(scene.dir, into + "a --method edi").code == 0);
+  CHECK(run(scene.dir, into + "a --method edi").code == 0);
+  const std::string frame = read_file(scene.dir / "a/00.png");
+  check_error(run(scene.dir, into + "a --method efnet"), 2, "--output", "method edi", "scene");
+  scene.dir.write("b/notes.md", "mine");
+  check_error(run(scene.dir, into + "b --method edi"), 2, "--output", "other files", "notes.md");
+  scene.dir.write("c", "");
+  check_error(run(scene.dir, into + "c --method edi"), 2, "--output", "expected a folder");
+  CHECK(read_file(scene.dir / "a/00.png") == frame);
+}
+
 TEST_CASE("jade_deblur: the router of a run decides the mix", "[apps]") {
   const Scene scene;
   const Outcome trained = run(
@@ -182,6 +199,27 @@ TEST_CASE("jade_deblur: processes that share a cache do not disturb each other",
   CHECK(read_file(scene.dir / "c/01.npy") == read_file(scene.dir / "a/01.npy"));
   CHECK(run(scene.dir, "rm -r cache; " + one + "d --no-cache").code == 0);
   CHECK_FALSE(fs::exists(scene.dir / "cache"));
+}
+
+TEST_CASE("jade_deblur: a cache that cannot be written is one warning with what to do", "[apps]") {
+  const Scene scene;
+  scene.dir.write("blocked", "a file");
+  const Outcome outcome =
+      run(scene.dir, concat("JADE_CACHE=blocked jade_deblur --quiet --device cpu --dataset scene ",
+                            "--efnet net.pt --method mean --output out"));
+  INFO(outcome.err);
+  CHECK(outcome.code == 0);
+  const auto first = outcome.err.find("blocked");
+  CHECK_THAT(outcome.err, test::naming("the cache folder blocked", "JADE_CACHE", "cache.folder"));
+  CHECK(outcome.err.find("the cache folder", first) == std::string::npos);
+  CHECK_THAT(outcome.err, !test::naming("--output"));
+}
+
+TEST_CASE("jade_deblur: a deleted current folder gets one line", "[apps]") {
+  const test::TempDir dir;
+  check_error(
+      run(dir, "mkdir gone && cd gone && rmdir ../gone && jade_deblur --dataset a --output b"), 3,
+      "current folder", "cd");
 }
 
 TEST_CASE("jade_deblur: a bad restorer gets one line and its exit code", "[apps]") {

@@ -5,7 +5,10 @@
 #include <chrono>
 #include <cstring>
 #include <fstream>
+#include <mutex>
+#include <set>
 #include <torch/types.h>
+#include <unistd.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/cache_folder.h"
@@ -60,7 +63,7 @@ void write_entry(const fs::path& path, const torch::Tensor& image) {
   out.write(static_cast<const char*>(image.const_data_ptr()),
             static_cast<std::streamsize>(image.nbytes()));
   out.close();
-  if (!out) throw DataError(concat(path.string(), ": cannot be written; is the disk full?"));
+  if (!out) throw DataError(concat(path.filename().string(), ": cannot be written"));
   file.commit();
 }
 
@@ -82,6 +85,15 @@ std::optional<torch::Tensor> read_entry(const fs::path& path, torch::IntArrayRef
 
 fs::path folder_of(const RestorationCacheOptions& options) {
   return options.folder.empty() ? cache_folder() / "restorations" : options.folder;
+}
+
+/// Makes the folder. Returns why nothing can be written there, or an empty string.
+std::string problem_of(const fs::path& folder) {
+  std::error_code failure;
+  fs::create_directories(folder, failure);
+  if (failure) return failure.message();
+  if (!fs::is_directory(folder)) return "a file of that name is in the way";
+  return access(folder.c_str(), W_OK | X_OK) == 0 ? "" : "it is not writable";
 }
 
 fs::path file_of(const fs::path& folder, const std::string& key) {
@@ -136,11 +148,7 @@ RestorationCache::RestorationCache(const RestorationCacheOptions& options)
   if (!options.enabled) return;
   is_on_ = true;
   folder_ = folder_of(options);
-  try {
-    make_writable_folder(folder_);
-  } catch (const DataError& problem) {
-    give_up(problem.what());
-  }
+  if (const std::string problem = problem_of(folder_); !problem.empty()) give_up(problem);
 }
 
 RestorationCache::~RestorationCache() { finish_writing(); }
@@ -153,7 +161,15 @@ void RestorationCache::finish_writing() {
 }
 
 void RestorationCache::give_up(const std::string& why) {
-  log_warn(concat("restorations are not kept for the next run: ", why));
+  // A run has several caches in one folder, whose problem is one.
+  static std::mutex mutex;
+  static std::set<fs::path> told;
+  const std::lock_guard lock(mutex);
+  if (told.insert(folder_).second) {
+    log_warn(concat("the cache folder ", folder_.string(), " cannot be used (", why,
+                    "), so restorations are not kept for the next run; choose another with "
+                    "cache.folder or the environment variable JADE_CACHE, or make room"));
+  }
   prune();  // the last chance to prune
   is_on_ = false;
 }
