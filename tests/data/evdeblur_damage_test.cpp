@@ -330,5 +330,24 @@ TEST_CASE("damage: times whose set unit makes exposures of seconds are refused",
   CHECK_THROWS_WITH(scene.warnings(), test::naming("timestamps.npz", "dataset.time_unit"));
 }
 
+TEST_CASE("evdeblur: poses made for another size are scaled, or refused with both sizes",
+          "[data]") {
+  const auto with_size = [](double height, double width, double focal_factor) {
+    Scene scene;
+    scene.rewrite_poses("poses_bounds.npy", [&](torch::Tensor rows) {
+      rows.select(1, 4).fill_(height), rows.select(1, 9).fill_(width);
+      rows.select(1, 14).mul_(focal_factor);
+      return rows;
+    });
+    return load_dataset(scene.options);
+  };
+  const double focal = with_size(test::kHeight, test::kWidth, 1).train[0].camera.fx;
+  const Dataset scaled = with_size(2 * test::kHeight, 2 * test::kWidth, 2);
+  CHECK(scaled.train[0].camera.fx == Approx(focal));
+  CHECK(mentions(scaled.notes, "42x26 while these are 21x13; the focal length is scaled by 0.5"));
+  CHECK_THROWS_NAMING(DataError, with_size(test::kHeight, 2 * test::kWidth, 1), "42x13", "21x13");
+  CHECK_THROWS_NAMING(DataError, with_size(test::kWidth, test::kHeight, 1), "13x21", "exchange");
+}
+
 }  // namespace
 }  // namespace jade::data

@@ -175,8 +175,42 @@ Sources read_sources(const DatasetOptions& options, const Warnings& warnings) {
   return s;
 }
 
+/// How much larger the images are than the size for which poses_bounds.npy was made, which is
+/// noted.
+/// @throws DataError if the two sizes have another shape.
+double resized_by(const Sources& s, const events::ImageSize& image, const Warnings& warnings,
+                  std::vector<std::string>& notes) {
+  constexpr double kCropped = 0.02;  // a few rows or columns
+  const double scale = folder_scale(s.images);
+  const double width = s.views.front().width / scale, height = s.views.front().height / scale;
+  const double right = double(image.width), bottom = double(image.height);
+  if (std::abs(width - right) <= 1 && std::abs(height - bottom) <= 1) return 1;
+  const std::string what = concat("poses_bounds.npy: made for images of ", width, "x", height,
+                                  " while these are ", image.width, "x", image.height);
+  if (!(width > 0 && height > 0)) {
+    warnings.add(what, "; the focal length is used as it is");
+    return 1;
+  }
+  const double ratio = std::sqrt(right * bottom / (width * height));
+  if (std::abs(ratio * width - right) <= 1 && std::abs(ratio * height - bottom) <= 1) {
+    notes.push_back(concat(what, "; the focal length is scaled by ", ratio));
+    return ratio;
+  }
+  if (std::abs(width - right) <= kCropped * width &&
+      std::abs(height - bottom) <= kCropped * height) {
+    warnings.add(what, "; the focal length is used as it is");
+    return 1;
+  }
+  throw DataError(concat((s.images.parent_path() / "poses_bounds.npy").string(), ": expected the ",
+                         "size of the images or a scaled one, found ", width, "x", height,
+                         " for images of ", image.width, "x", image.height,
+                         width == bottom && height == right
+                             ? "; exchange height and width in its fifth column"
+                             : "; export the poses again for these images"));
+}
+
 geometry::Intrinsics camera_of(const Sources& s, const torch::Tensor& image,
-                               const Warnings& warnings) {
+                               const Warnings& warnings, std::vector<std::string>& notes) {
   const int64_t height = image.size(1);
   const int64_t width = image.size(2);
   const double scale = folder_scale(s.images);
@@ -192,13 +226,8 @@ geometry::Intrinsics camera_of(const Sources& s, const torch::Tensor& image,
       break;
     }
   }
-  if (std::abs(view.width / scale - double(width)) > 1 ||
-      std::abs(view.height / scale - double(height)) > 1) {
-    warnings.add("poses_bounds.npy: made for images of ", view.width / scale, "x",
-                 view.height / scale, " while these are ", width, "x", height,
-                 "; the focal length is used as it is");
-  }
-  const auto camera = geometry::Intrinsics::centred(view.focal_px / scale, width, height);
+  const double resized = resized_by(s, {height, width}, warnings, notes);
+  const auto camera = geometry::Intrinsics::centred(view.focal_px / scale * resized, width, height);
   check_plausible(camera, concat(s.images.parent_path().string(), "/poses_bounds.npy"));
   return camera;
 }
@@ -259,7 +288,7 @@ geometry::Trajectory choose_path(const DatasetOptions& options, const Sources& s
 
 void add_frames(const Sources& s, std::vector<Frame> frames, const Split& split,
                 const geometry::Trajectory& path, const Warnings& warnings, Dataset& data) {
-  const geometry::Intrinsics camera = camera_of(s, frames.front().image, warnings);
+  const geometry::Intrinsics camera = camera_of(s, frames.front().image, warnings, data.notes);
   for (size_t i = 0; i < frames.size(); ++i) {
     const FrameTime& time = s.times[i];
     if (split.is_test[i]) {
