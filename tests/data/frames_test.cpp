@@ -51,6 +51,27 @@ TEST_CASE("frames: those of a kind that is not read are named", "[data]") {
   CHECK_THROWS_NAMING(DataError, find_image_folder(folder.path(), ""), "2 files .dng", "convert");
 }
 
+TEST_CASE("frames: raw mosaics are one warning", "[data]") {
+  const test::TempDir folder;
+  const torch::Tensor flat = torch::full({3, 12, 16}, 0.5);
+  torch::Tensor mosaic = flat.clone();
+  mosaic.slice(1, 0, {}, 2).slice(2, 0, {}, 2) *= 0.7;
+  mosaic.slice(1, 1, {}, 2).slice(2, 1, {}, 2) *= 0.85;
+  std::vector<std::filesystem::path> plain, raw;
+  for (int i = 0; i < 3; ++i) {
+    plain.push_back(folder / concat("a/", i, ".png"));
+    raw.push_back(folder / concat("b/", i, ".png"));
+    imaging::write_image(plain.back(), flat * (1 - 0.1 * i));
+    imaging::write_image(raw.back(), mosaic * (1 - 0.1 * i));
+  }
+  std::vector<std::string> lines;
+  read_frames(plain, {}, Warnings(&lines));
+  CHECK(lines.empty());
+  read_frames(raw, {}, Warnings(&lines));
+  REQUIRE(lines.size() == 1);
+  CHECK_THAT(lines[0], test::naming("raw mosaic", "convert"));
+}
+
 TEST_CASE("frames: an orientation that is not applied is one warning", "[data]") {
   // A JPEG of 8x8 gray pixels; its EXIF data say that it is upside down.
   const test::TempDir folder;

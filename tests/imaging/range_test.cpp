@@ -64,6 +64,23 @@ TEST_CASE("image: dark 16-bit frames among 8-bit ones are reported with the firs
   CHECK(first_fault({bright, full}, names).empty());
 }
 
+TEST_CASE("image: a raw mosaic is distinguished from a gray frame", "[imaging]") {
+  const auto rgb = [](const torch::Tensor& gray) { return gray.expand({3, -1, -1}).contiguous(); };
+  const torch::Tensor row = torch::arange(60) * 0.3;
+  const torch::Tensor frame =
+      (0.5 + 0.2 * row.sin() * (torch::arange(40).reshape({40, 1}) * 0.2).cos()).unsqueeze(0);
+  CHECK_FALSE(is_mosaic(rgb(frame)));
+  torch::Tensor mosaic = frame.clone();
+  mosaic[0].slice(0, 0, {}, 2).slice(1, 0, {}, 2) *= 0.7;
+  mosaic[0].slice(0, 1, {}, 2).slice(1, 1, {}, 2) *= 0.85;
+  CHECK(is_mosaic(rgb(mosaic)));
+  // Rows of different gain are a fault of the sensor, not a filter.
+  torch::Tensor rows = frame.clone();
+  rows[0].slice(0, 0, {}, 2) *= 0.9;
+  CHECK_FALSE(is_mosaic(rgb(rows)));
+  CHECK_FALSE(is_mosaic(torch::rand({3, 8, 8})));
+}
+
 TEST_CASE("image: black, white and repeated frames are counted with the first's name",
           "[imaging]") {
   const std::vector<std::string> names{"00", "01", "02", "03", "04"};

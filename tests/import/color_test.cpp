@@ -75,23 +75,6 @@ TEST_CASE("color: channels of the four filters", "[import]") {
   CHECK_THROWS_AS(import::channel_of(ColorFilter::kNone, 0, 0), ContractError);
 }
 
-TEST_CASE("color: a raw mosaic is distinguished from a gray frame", "[import]") {
-  torch::Tensor frame = torch::empty({1, 40, 60});
-  for (int64_t i = 0; i < 40; ++i) {
-    for (int64_t j = 0; j < 60; ++j) frame[0][i][j] = test::pattern_at(double(j), double(i));
-  }
-  CHECK_FALSE(import::is_mosaic(frame.expand({3, -1, -1}).contiguous()));
-  torch::Tensor mosaic = frame.clone();
-  mosaic[0].slice(0, 0, {}, 2).slice(1, 0, {}, 2) *= 0.7;
-  mosaic[0].slice(0, 1, {}, 2).slice(1, 1, {}, 2) *= 0.85;
-  CHECK(import::is_mosaic(mosaic.expand({3, -1, -1}).contiguous()));
-  // Rows of different gain are a fault of the sensor, not a filter.
-  torch::Tensor rows = frame.clone();
-  rows[0].slice(0, 0, {}, 2) *= 0.9;
-  CHECK_FALSE(import::is_mosaic(rows.expand({3, -1, -1}).contiguous()));
-  CHECK_FALSE(import::is_mosaic(torch::rand({3, 8, 8})));
-}
-
 TEST_CASE("color: the filter before the event pixels is found", "[import]") {
   for (const auto filter : {ColorFilter::kRggb, ColorFilter::kGbrg}) {
     const auto recording = colored(filter);

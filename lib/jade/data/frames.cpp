@@ -164,6 +164,17 @@ void check_pictures(const std::vector<fs::path>& paths, const std::vector<Frame>
   for (const std::string& fault : imaging::frame_faults(images, names)) {
     warnings.add(paths.front().parent_path().string(), ": ", fault);
   }
+  constexpr size_t kTelling = 8;
+  const size_t step = std::max<size_t>(1, images.size() / kTelling);
+  size_t looked = 0, mosaics = 0;
+  for (size_t i = 0; i < images.size(); i += step) {
+    ++looked;
+    if (imaging::is_mosaic(images[i])) ++mosaics;
+  }
+  if (2 * mosaics <= looked) return;
+  warnings.add(paths.front().parent_path().string(), ": expected gray or colour frames, found the ",
+               "raw mosaic of a colour sensor (2x2 pixels of different brightness); convert the "
+               "frames to colour, with the pattern of the camera, and put these in their place");
 }
 
 void add_masks(const std::vector<fs::path>& paths, const MaskSources& sources,

@@ -5,7 +5,8 @@
 #include <cmath>
 #include <torch/types.h>
 
-#include "jade/core/error.h"
+#include "jade/core/check.h"
+#include "jade/imaging/color.h"
 
 namespace jade::imaging {
 namespace {
@@ -139,6 +140,27 @@ std::vector<std::string> frame_faults(const std::vector<torch::Tensor>& images,
     if (!fault.empty()) faults.push_back(fault);
   }
   return faults;
+}
+
+bool is_mosaic(const torch::Tensor& frame) {
+  constexpr double kLeastDifference = 0.02;  // relative to the brightness of a cell
+  check_shape(frame, "frame", {3, -1, -1});
+  if (!is_gray(frame)) return false;
+  const int64_t rows = frame.size(1) / 2, columns = frame.size(2) / 2;
+  if (rows == 0 || columns == 0) return false;
+  const torch::Tensor cells = frame[0]
+                                  .slice(0, 0, 2 * rows)
+                                  .slice(1, 0, 2 * columns)
+                                  .reshape({rows, 2, columns, 2})
+                                  .to(torch::kFloat64);
+  const torch::Tensor mean = cells.mean(0).mean(1).flatten().contiguous();
+  const double level = mean.mean().item<double>();
+  if (level <= 0) return false;
+  const auto m = mean.accessor<double, 1>();
+  // Even for a gray scene the colours of a filter differ in sensitivity.
+  const double range = (mean.max() - mean.min()).item<double>();
+  const double diagonal = std::min(std::abs(m[0] - m[3]), std::abs(m[1] - m[2]));
+  return range > kLeastDifference * level && diagonal < 0.25 * range;
 }
 
 }  // namespace jade::imaging

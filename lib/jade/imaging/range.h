@@ -15,4 +15,9 @@ namespace jade::imaging {
 std::vector<std::string> frame_faults(const std::vector<torch::Tensor>& images,
                                       const std::vector<std::string>& names);
 
+/// True for a gray frame that is the raw mosaic of a colour sensor: the four places of its 2 x 2
+/// cells differ in mean brightness, two on a diagonal (the greens) less than the others.
+/// @param frame  [3,H,W]; false if it is in colour
+bool is_mosaic(const torch::Tensor& frame);
+
 }  // namespace jade::imaging

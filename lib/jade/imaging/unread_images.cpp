@@ -28,9 +28,9 @@ std::string unread_images(const fs::path& folder) {
     const bool hidden = entry->path().filename().string()[0] == '.';
     if (!hidden && others.count(kind) == 0 && entry->is_regular_file(ignored)) ++counts[kind];
   }
-  const auto most = std::max_element(counts.begin(), counts.end(), [](const auto& a, const auto& b) {
-    return a.second < b.second;
-  });
+  const auto most =
+      std::max_element(counts.begin(), counts.end(),
+                       [](const auto& a, const auto& b) { return a.second < b.second; });
   if (most == counts.end()) return "";
   return concat("; found ", most->second, most->second == 1 ? " file " : " files ", most->first,
                 " in ", folder.string(), ", which is not read as frames; ",

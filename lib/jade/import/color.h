@@ -27,11 +27,6 @@ int64_t channel_of(ColorFilter filter, int64_t row, int64_t column);
 /// @throws ContractError for none.
 std::array<int64_t, 2> first_red(ColorFilter filter);
 
-/// True for a gray frame that is the raw mosaic of a colour sensor: the four places of its 2 x 2
-/// cells differ in mean brightness, two on a diagonal (the greens) less than the others.
-/// @param frame  [3,H,W]; false if it is in colour
-bool is_mosaic(const torch::Tensor& frame);
-
 /// Colour filter of the event pixels, estimated from the events.
 struct FilterFinding {
   ColorFilter filter = ColorFilter::kNone;

@@ -12,6 +12,7 @@
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
 #include "jade/data/threshold_estimate.h"
+#include "jade/imaging/range.h"
 #include "jade/import/blur_length.h"
 #include "jade/import/clock_offset.h"
 #include "jade/import/exposure_length.h"
@@ -83,7 +84,7 @@ ColorFilter filter_of(const Capture& capture) {
 
 void warn_of_mosaics(const Capture& capture) {
   const auto count = std::count_if(capture.shots.begin(), capture.shots.end(),
-                                   [](const Shot& shot) { return is_mosaic(shot.image); });
+                                   [](const Shot& shot) { return imaging::is_mosaic(shot.image); });
   if (2 * count < int64_t(capture.shots.size())) return;
   log_warn(concat(capture.source,
                   ": its frames look like the raw mosaic of a colour sensor; make colour frames of "
