@@ -500,3 +500,22 @@ TEST_CASE("recording: a folder with frames of a kind that is not read says so", 
   CHECK_THAT(error_of([&] { read_recording(noise.folder, options); }),
              test::naming("found none", "1 file .heic", ".png"));
 }
+
+TEST_CASE("recording: frames that are cropped from the sensor are noted with both sizes",
+          "[recording]") {
+  const Noise noise;
+  const auto always = [](int64_t) { return true; };
+  CHECK_THAT(noise.notes(), !test::naming("cropped"));
+  noise.write_events(always, 20);
+  CHECK_THAT(noise.notes(), test::naming("20x12 px", "16x12 px", "cropped or resized"));
+}
+
+TEST_CASE("recording: a map of DSEC and poses that are not used are noted", "[recording]") {
+  const Noise noise;
+  CHECK_THAT(noise.notes(), !test::naming("not used"));
+  noise.dir.write("a/rectify_map.h5", "");
+  noise.dir.write("a/groundtruth.txt", "");
+  noise.dir.write("a/poses.txt", "");
+  CHECK_THAT(noise.notes(), test::naming("rectify_map.h5: DSEC's map", "--calibration",
+                                         "has poses (poses.txt, groundtruth.txt)"));
+}

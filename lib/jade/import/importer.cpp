@@ -216,7 +216,8 @@ void check_one_sensor(const Capture& capture) {
   throw DataError(concat(capture.source, ": events of ", sensor.width, "x", sensor.height,
                          " px and frames of ", capture.width(), "x", capture.height(),
                          " px are of two cameras; give --calibration with both (Kalibr's cam0 for "
-                         "the frames, cam1 for the events) and --plane-depth METRES"));
+                         "the frames, cam1 for the events) and --plane-depth METRES, or frames of "
+                         "the event sensor's pixels if they were cropped or resized"));
 }
 
 void check_clocks(const Capture& capture) {

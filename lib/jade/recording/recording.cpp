@@ -20,6 +20,8 @@ namespace fs = std::filesystem;
 
 /// Events that span this share of the frames in both directions come from the same sensor.
 constexpr double kSameSensor = 0.9;
+/// Rectified events leave the image at its borders; more than this share is another image.
+constexpr double kManyBeside = 0.02;
 /// Events within this time of a frame are kept; estimates of thresholds and clocks use frames less
 /// than twice this apart.
 constexpr int64_t kLeastReachUs = 250000;
@@ -148,6 +150,18 @@ double reach_of(const torch::Tensor& places) {
   return finite.numel() == 0 ? 0 : std::floor(finite.max().item<double>() + 0.5) + 1;
 }
 
+/// Share of the events outside an image of this size.
+double share_beside(const events::EventStream& events, double width, double height) {
+  const torch::Tensor beside = events.x().ge(width - 0.5).logical_or(events.y().ge(height - 0.5));
+  return beside.sum().item<double>() / double(events.size());
+}
+
+/// Whether an image is reduced by one factor of 1.5 or more.
+bool is_scaled(double right, double bottom) {
+  constexpr double kLeast = 1.5, kShape = 0.05;
+  return right >= kLeast && bottom >= kLeast && std::abs(right / bottom - 1) <= kShape;
+}
+
 /// Infers the sensor's size from frames of the event sensor itself.
 void find_sensor_size(Recording& recording) {
   recording.size_is_said = recording.width > 0;
@@ -160,10 +174,19 @@ void find_sensor_size(Recording& recording) {
     recording.width = image.size(2), recording.height = image.size(1);
     return;
   }
-  recording.notes.push_back(concat("events lie within ", right, "x", bottom, " px, frames are ",
-                                   width, "x", height,
-                                   " px: two cameras, or few events; the size of the event sensor "
-                                   "is not known"));
+  const std::string sizes = concat("events lie within ", right, "x", bottom, " px, frames are ",
+                                   width, "x", height, " px: ");
+  if (!inside && share_beside(recording.events, width, height) > kManyBeside) {
+    recording.notes.push_back(
+        concat("expected frames of the event sensor's pixels, but ", sizes,
+               is_scaled(right / width, bottom / height)
+                   ? "the frames seem to be reduced, or of another camera"
+                   : "the frames seem to be cropped or resized, or of another camera",
+               "; give frames with the pixels of the events, or --calibration of both cameras"));
+    return;
+  }
+  recording.notes.push_back(
+      concat(sizes, "two cameras, or few events; the size of the event sensor is not known"));
 }
 
 /// Drops events outside the sensor; rectified ones between its pixels stay.
@@ -265,6 +288,32 @@ void note_events(Recording& recording) {
   }
 }
 
+/// Notes files of a recording that no reader uses.
+void note_unused(const fs::path& path, Recording& recording) {
+  const fs::path folder = fs::is_directory(path) ? path : path.parent_path();
+  const auto has = [&](const std::string& name) {
+    std::error_code ignored;
+    return fs::is_regular_file(folder / name, ignored);
+  };
+  for (const char* const map : {"rectify_map.h5", "events/rectify_map.h5"}) {
+    if (!has(map)) continue;
+    recording.notes.push_back(concat((folder / map).string(),
+                                     ": DSEC's map of the events is not used; give the cameras "
+                                     "with --calibration, by which events are rectified"));
+    break;
+  }
+  std::string found;
+  for (const char* const poses :
+       {"poses.txt", "poses.csv", "groundtruth.txt", "groundtruth.csv", "ground_truth.txt",
+        "stamped_groundtruth.txt", "trajectory.txt", "pose.txt"}) {
+    if (has(poses)) found += concat(found.empty() ? "" : ", ", poses);
+  }
+  if (found.empty()) return;
+  recording.notes.push_back(concat(folder.string(), ": has poses (", found,
+                                   "), which are not used, as the import finds its own; to train "
+                                   "with them, make a data set with poses (docs/data.md)"));
+}
+
 /// Folder that may contain masks of the frames.
 fs::path mask_root(const fs::path& path, const ReadOptions& options, const Contents& contents) {
   const auto whole = [](const fs::path& folder) {
@@ -319,6 +368,7 @@ Recording read_recording(const fs::path& path, const ReadOptions& options) {
   note_clocks(options, recording);
   note_pauses(options.near_frames_ahead_us.value_or(0), recording);
   note_events(recording);
+  note_unused(path, recording);
   return std::move(recording);
 }
 
