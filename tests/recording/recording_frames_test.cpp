@@ -424,6 +424,13 @@ TEST_CASE("recording: exposures without events between others are noted", "[reco
   CHECK_THAT(noise.notes(), !test::naming("have no events"));
   noise.write_events([](int64_t t) { return t < 1070000 || t > 1145000; });
   CHECK_THAT(noise.notes(), test::naming("2 of 6 exposures have no events (the first is f2)"));
+  // Exposures of sharp frames may fall between two events.
+  noise.write_events([](int64_t) { return true; });
+  std::string text;
+  for (int64_t i = 0; i < noise.count; ++i)
+    text += concat("f", i, ",", 1000010 + 40000 * i, ",", 1000011 + 40000 * i, "\n");
+  noise.dir.write("a/images/exposures.csv", text);
+  CHECK_THAT(noise.notes(), !test::naming("have no events"));
 }
 
 TEST_CASE("recording: events of one polarity or of a part of the frames are noted", "[recording]") {

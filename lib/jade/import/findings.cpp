@@ -126,7 +126,7 @@ Capture without_hot_pixels(const Capture& capture) {
 
 namespace {
 
-/// What is wrong with clocks that run at different rates; empty otherwise.
+/// The fault of clocks that run at different rates; empty otherwise.
 std::string drift_of(const std::vector<data::Exposure>& exposures,
                      const events::EventStream& events) {
   const ClockDrift drift = estimate_clock_drift(exposures, events);

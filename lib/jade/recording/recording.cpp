@@ -259,12 +259,13 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
 /// Notes exposures without events among those that the events cover.
 /// @param ahead_us  of the events' clock relative to the frames'
 void note_pauses(int64_t ahead_us, Recording& recording) {
+  constexpr int64_t kShortestUs = 1000;  // shorter exposures may fall between two events
   if (recording.events.empty()) return;
   const int64_t first = recording.events.first_us(), last = recording.events.last_us();
   std::vector<std::string> without;
   for (const Frame& frame : recording.frames) {
     const int64_t begin = frame.t_start_us + ahead_us, end = frame.t_end_us + ahead_us;
-    if (begin >= end || begin < first || end > last) continue;
+    if (end - begin < kShortestUs || begin < first || end > last) continue;
     if (recording.events.slice(begin, end).empty()) without.push_back(frame.name);
   }
   if (without.empty()) return;
