@@ -17,11 +17,13 @@ using namespace jade;
 
 namespace {
 
-/// Eight exposures with hand motion, events `ahead_us` ahead of them, and a hot pixel.
-import::Capture capture_ahead(int64_t ahead_us){simulate::EventSensorOptions sensor;
+/// Some exposures with hand motion, events `ahead_us` ahead of them, and a hot pixel.
+import::Capture capture_ahead(int64_t ahead_us,
+                              int64_t exposures = 8){simulate::EventSensorOptions sensor;
 sensor.threshold_positive = 0.2, sensor.threshold_negative = 0.25;
 sensor.threshold_spread = 0.03;
 test::PatternMotion motion;
+motion.exposures = exposures;
 motion.x_px = [](double t) { return 14 * std::sin(19 * t) + 5 * std::sin(41 * t + 1); };
 motion.y_px = [](double t) { return 9 * std::sin(23 * t + 2) + 4 * std::sin(37 * t); };
 const test::PatternRecording recording = test::record_pattern(motion, sensor);
@@ -64,6 +66,15 @@ TEST_CASE("findings: the offset is found, given or one clock", "[import]") {
   options.offset_ms = 0;
   options.find_offset = false;
   CHECK(import::find_clock(options, ahead, true).offset_ms == 0);
+}
+
+TEST_CASE("findings: clocks at two rates are named", "[import]") {
+  import::Capture fast = capture_ahead(0, 24);
+  const events::EventStream& e = fast.events;
+  const torch::Tensor t = (e.t_us().to(torch::kFloat64) * 1.03).round().to(torch::kInt64);
+  fast.events = events::EventStream(e.x(), e.y(), t, e.polarity());
+  CHECK_THAT(import::find_clock({}, fast, true).said, test::naming("although the rates differ"));
+  CHECK_THAT(import::find_clock({}, capture_ahead(0, 24), true).said, !test::naming("rates"));
 }
 
 TEST_CASE("findings: an offset in doubt must be given where frames and events are two recordings",

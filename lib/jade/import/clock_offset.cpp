@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <torch/types.h>
 
 #include "jade/core/check.h"
@@ -189,15 +190,17 @@ double second_peak(const std::vector<double>& curve, size_t peak) {
   return best;
 }
 
+/// Over long gaps noise dominates; rounded times may overlap a little.
+bool are_neighbours(const data::Exposure& a, const data::Exposure& b) {
+  const int64_t gap = b.t_start_us - a.t_end_us;
+  return gap >= -a.duration_us() / 20 && gap <= std::max<int64_t>(3 * a.duration_us(), 200000);
+}
+
 /// Consecutive frames, evenly chosen.
 std::vector<size_t> chosen_pairs(const std::vector<data::Exposure>& exposures, int64_t most) {
   std::vector<size_t> all, some;
   for (size_t i = 0; i + 1 < exposures.size(); ++i) {
-    const auto &a = exposures[i], &b = exposures[i + 1];
-    const int64_t gap = b.t_start_us - a.t_end_us;
-    // Over long gaps noise dominates; rounded times may overlap a little.
-    if (gap >= -a.duration_us() / 20 && gap <= std::max<int64_t>(3 * a.duration_us(), 200000))
-      all.push_back(i);
+    if (are_neighbours(exposures[i], exposures[i + 1])) all.push_back(i);
   }
   const size_t count = std::min(all.size(), size_t(std::max<int64_t>(most, 1)));
   for (size_t k = 0; k < count; ++k) some.push_back(all[k * all.size() / count]);
@@ -219,22 +222,13 @@ std::string doubt_of(const ClockOffset& result, size_t peak) {
   return "";
 }
 
-}  // namespace
-
-ClockOffset estimate_clock_offset(const std::vector<data::Exposure>& exposures,
-                                  const events::EventStream& events,
-                                  const ClockOffsetOptions& options) {
-  const torch::NoGradGuard no_grad;
-  JADE_CHECK(options.step_ms > 0 && options.reach_ms >= options.step_ms,
-             "expected steps above 0 and within the reach, found ", options.step_ms, " and ",
-             options.reach_ms, " ms");
-  const std::vector<double> offsets = offsets_us(options);
-  const double step_us = 1e3 * options.step_ms;
+/// The offset by the moments of some pairs, as pair_moments().
+ClockOffset offset_by(const std::vector<std::vector<Moments>>& pairs,
+                      const std::vector<double>& offsets, double step_us) {
   ClockOffset result;
   std::vector<Moments> groups;
   Moments total(offsets.size());
-  for (const size_t i : chosen_pairs(exposures, options.pairs)) {
-    const auto found = pair_moments(exposures[i], exposures[i + 1], events, offsets, step_us);
+  for (const std::vector<Moments>& found : pairs) {
     if (!found.empty()) ++result.pairs;
     for (const Moments& group : found) {
       total.add(group, 1);
@@ -262,6 +256,23 @@ ClockOffset estimate_clock_offset(const std::vector<data::Exposure>& exposures,
   return result;
 }
 
+}  // namespace
+
+ClockOffset estimate_clock_offset(const std::vector<data::Exposure>& exposures,
+                                  const events::EventStream& events,
+                                  const ClockOffsetOptions& options) {
+  const torch::NoGradGuard no_grad;
+  JADE_CHECK(options.step_ms > 0 && options.reach_ms >= options.step_ms,
+             "expected steps above 0 and within the reach, found ", options.step_ms, " and ",
+             options.reach_ms, " ms");
+  const std::vector<double> offsets = offsets_us(options);
+  const double step_us = 1e3 * options.step_ms;
+  std::vector<std::vector<Moments>> pairs;
+  for (const size_t i : chosen_pairs(exposures, options.pairs))
+    pairs.push_back(pair_moments(exposures[i], exposures[i + 1], events, offsets, step_us));
+  return offset_by(pairs, offsets, step_us);
+}
+
 namespace {
 
 constexpr size_t kParts = 8;
@@ -272,24 +283,51 @@ struct PartOffset {
   double t_us = 0, offset_us = 0, error_us = 0;
 };
 
-/// Offsets of kParts parts that begin every `step` exposures; without those in doubt.
-std::vector<PartOffset> offsets_of_parts(const std::vector<data::Exposure>& exposures,
-                                         const events::EventStream& events, double step,
-                                         const ClockOffsetOptions& options) {
-  std::vector<PartOffset> out;
-  for (size_t part = 0; part < kParts; ++part) {
-    const auto begin = size_t(double(part) * step);
-    const size_t end = std::min(exposures.size(), begin + size_t(options.pairs) + 1);
-    if (begin + 1 >= end) break;
-    const std::vector<data::Exposure> some(exposures.begin() + std::ptrdiff_t(begin),
-                                           exposures.begin() + std::ptrdiff_t(end));
-    const ClockOffset found = estimate_clock_offset(some, events, options);
-    if (found.ambiguous()) continue;
-    const double t_us = 0.5 * (double(some.front().t_start_us) + double(some.back().t_end_us));
-    out.push_back({t_us, found.offset_us, found.error_us});
+/// Estimates the offsets of parts; parts that overlap share their pairs of frames.
+class Parts {
+ public:
+  Parts(const std::vector<data::Exposure>& exposures, const events::EventStream& events,
+        const ClockOffsetOptions& options)
+      : exposures_(exposures),
+        events_(events),
+        pairs_(size_t(options.pairs)),
+        offsets_(offsets_us(options)),
+        step_us_(1e3 * options.step_ms) {}
+
+  /// Offsets of kParts parts that begin every `step` exposures; without those in doubt.
+  std::vector<PartOffset> every(double step) {
+    std::vector<PartOffset> out;
+    for (size_t part = 0; part < kParts; ++part) {
+      const auto begin = size_t(double(part) * step);
+      if (part > 0 && begin == size_t(double(part - 1) * step)) continue;
+      const size_t end = std::min(exposures_.size(), begin + pairs_ + 1);
+      if (begin + 1 >= end) break;
+      std::vector<std::vector<Moments>> pairs;
+      for (size_t i = begin; i + 1 < end; ++i) pairs.push_back(moments(i));
+      const ClockOffset found = offset_by(pairs, offsets_, step_us_);
+      if (found.ambiguous()) continue;
+      const double t_us =
+          0.5 * (double(exposures_[begin].t_start_us) + double(exposures_[end - 1].t_end_us));
+      out.push_back({t_us, found.offset_us, found.error_us});
+    }
+    return out;
   }
-  return out;
-}
+
+ private:
+  const std::vector<Moments>& moments(size_t i) {
+    const auto [at, added] = known_.emplace(i, std::vector<Moments>());
+    const data::Exposure &a = exposures_[i], &b = exposures_[i + 1];
+    if (added && are_neighbours(a, b)) at->second = pair_moments(a, b, events_, offsets_, step_us_);
+    return at->second;
+  }
+
+  const std::vector<data::Exposure>& exposures_;
+  const events::EventStream& events_;
+  size_t pairs_;
+  std::vector<double> offsets_;
+  double step_us_;
+  std::map<size_t, std::vector<Moments>> known_;
+};
 
 /// The line through the offsets, by least squares.
 ClockDrift line_through(const std::vector<PartOffset>& parts) {
@@ -322,12 +360,13 @@ ClockDrift line_through(const std::vector<PartOffset>& parts) {
 ClockDrift estimate_clock_drift(const std::vector<data::Exposure>& exposures,
                                 const events::EventStream& events,
                                 const ClockOffsetOptions& options) {
+  const torch::NoGradGuard no_grad;
   const auto pairs = size_t(options.pairs);
   if (exposures.size() < pairs + kFewestParts) return {};
   const double whole = double(exposures.size() - pairs - 1) / double(kParts - 1);
-  std::vector<PartOffset> parts = offsets_of_parts(exposures, events, whole, options);
-  if (parts.size() < kFewestParts && whole > double(pairs))
-    parts = offsets_of_parts(exposures, events, double(pairs), options);
+  Parts estimate(exposures, events, options);
+  std::vector<PartOffset> parts = estimate.every(whole);
+  if (parts.size() < kFewestParts && whole > double(pairs)) parts = estimate.every(double(pairs));
   return parts.size() < kFewestParts ? ClockDrift() : line_through(parts);
 }
 

@@ -160,7 +160,7 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
     log_warn(fault);
   }
   if (found.ambiguous() && !drift.empty()) {
-    return {0, "assumed to be one clock, although their rates differ", found.curve};
+    return {0, "assumed to be one clock, although the rates differ", found.curve};
   }
   if (found.ambiguous() && frames_apart) {
     throw DataError(concat(capture.source,
@@ -177,8 +177,9 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
     return {0, "assumed to be one clock, as frames and events do not say", found.curve};
   }
   const double offset_ms = found.offset_us / 1000, error_ms = found.error_us / 1000;
-  const std::string measured = concat(rounded(offset_ms, 0.1), " +- ", rounded(error_ms, 0.1),
-                                      " ms found, correlation ", rounded(found.correlation, 0.01));
+  const std::string measured =
+      concat(rounded(offset_ms, 0.1), " +- ", rounded(error_ms, 0.1), " ms found, correlation ",
+             rounded(found.correlation, 0.01), drift.empty() ? "" : ", although the rates differ");
   if (std::abs(offset_ms) < std::max(kSmallestOffsetMs, 3 * error_ms)) {
     return {0, concat(measured, ", which is one clock"), found.curve};
   }
