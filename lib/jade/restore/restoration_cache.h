@@ -54,8 +54,8 @@ class RestorationCache {
   /// @param key    restoration_key()
   /// @param shape  expected shape of the image
   std::optional<torch::Tensor> find(const std::string& key, torch::IntArrayRef shape);
-  /// As find(), for any thread: does not wait for an image that is being written, does not warn,
-  /// and is not counted by hits() and misses().
+  /// The image, for any thread: does not wait for one that is being written, does not warn, and is
+  /// not counted by hits() and misses().
   std::optional<torch::Tensor> peek(const std::string& key, torch::IntArrayRef shape) const;
   /// Stores an image [C,H,W] for the next run, in half precision if it is given so, else as float,
   /// and prunes after every eighth of `max_mib`. The file is written on another thread. What this
