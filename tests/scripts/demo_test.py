@@ -30,6 +30,7 @@ class Demo(unittest.TestCase):
     def program(self, name, body):
         path = self.root / name
         path.parent.mkdir(parents=True, exist_ok=True)
+        path.unlink(missing_ok=True)  # the last one may still run, and such a file cannot be written
         path.write_text(f"#!/bin/sh\n{body}\n")
         path.chmod(0o755)
 
