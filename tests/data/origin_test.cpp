@@ -213,33 +213,6 @@ TEST_CASE("origin: points behind the cameras are reported with the axes that wou
   CHECK_THAT(told(), !Catch::Contains("OpenCV axes") && Catch::Contains("one scene"));
 }
 
-TEST_CASE("origin: inverted poses are reported", "[data]") {
-  Dataset data;
-  data.train.resize(6);
-  data.kind = DatasetKind::kColmap;
-  torch::manual_seed(1);
-  data.points = torch::rand({200, 3}) - 0.5;
-  const auto told = [&](bool inverted, double origin) {
-    for (size_t i = 0; i < 6; ++i) {
-      data.train[i].camera = geometry::Intrinsics::centred(50, 64, 48);
-      const geometry::Pose pose{geometry::rotation_from_vector({0.2, 1.0 * double(i), 0}),
-                                {0.1 * double(i), 0, 3}};
-      data.train[i].poses.fill(inverted ? geometry::inverse(pose) : pose);
-      data.train[i].poses.fill(geometry::with_origin(data.train[i].poses[0], {origin, 0, 0}));
-    }
-    data.origin = {origin, 0, 0};
-    Dataset moved = data;
-    moved.points = data.points - torch::tensor({origin, 0.0, 0.0}, torch::kFloat32);
-    std::vector<std::string> lines;
-    tell_points_behind(moved, Warnings(&lines));
-    return lines.empty() ? "" : lines[0];
-  };
-  for (const double origin : {0.0, 1.0}) {
-    CHECK(told(false, origin).empty());
-    CHECK_THAT(told(true, origin), Catch::Contains("inverted") && Catch::Contains("to the camera"));
-  }
-}
-
 TEST_CASE("origin: equal poses near the origin of their coordinates are not moved", "[data]") {
   const std::vector<geometry::Pose> poses(
       24, geometry::pose_at_centre(geometry::rotation_from_vector({0.3, 0.4, 0.1}), {0.9, 0, 3}));

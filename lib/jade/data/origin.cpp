@@ -21,8 +21,6 @@ Vector3 difference(const Vector3& a, const Vector3& b) {
   return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
 }
 
-Vector3 negative(const Vector3& a) { return {-a[0], -a[1], -a[2]}; }
-
 template <class Visit>
 void for_exposures(Dataset& data, const Visit& visit) {
   for (Exposure& exposure : data.train) visit(exposure);
@@ -139,24 +137,18 @@ void tell_still_cameras(const Dataset& data, const Warnings& warnings) {
 
 void tell_points_behind(const Dataset& data, const Warnings& warnings) {
   constexpr int64_t kFewestPoints = 10, kPairs = 200000;
-  constexpr double kMostBehind = 0.9, kUnseen = 0.01, kSeen = 0.1, kSeenWell = 0.2;
+  constexpr double kMostBehind = 0.9, kUnseen = 0.01, kSeen = 0.1;
   if (!data.points.defined() || data.points.size(0) < kFewestPoints || data.train.empty()) return;
   const torch::Tensor xyz = data.points.to(torch::kFloat64).contiguous();
   const double* const point = xyz.const_data_ptr<double>();
   const int64_t count = xyz.size(0);
   const int64_t step = std::max<int64_t>(1, count * int64_t(data.train.size()) / kPairs);
-  const Vector3& origin = data.origin;
-  int64_t pairs = 0, behind = 0, seen = 0, seen_turned = 0, seen_inverse = 0;
+  int64_t pairs = 0, behind = 0, seen = 0, seen_turned = 0;
   for (size_t view = 0; view < data.train.size(); ++view) {
     const Exposure& exposure = data.train[view];
-    const geometry::Pose& pose = exposure.poses[geometry::kMidPose];
-    // In the coordinates of the files, where they may be inverted.
-    const geometry::Pose inverse = geometry::inverse(geometry::with_origin(pose, negative(origin)));
     for (int64_t i = int64_t(view) % step; i < count; i += step) {
-      const Vector3 place{point[3 * i], point[3 * i + 1], point[3 * i + 2]};
-      const Vector3 p = geometry::transform(pose, place);
-      const Vector3 q = geometry::transform(inverse, difference(place, negative(origin)));
-      if (is_in_picture(q, exposure.camera)) ++seen_inverse;
+      const Vector3 p = geometry::transform(exposure.poses[geometry::kMidPose],
+                                            {point[3 * i], point[3 * i + 1], point[3 * i + 2]});
       ++pairs;
       if (!(p[2] > 0)) ++behind;
       if (is_in_picture(p, exposure.camera)) ++seen;
@@ -164,28 +156,12 @@ void tell_points_behind(const Dataset& data, const Warnings& warnings) {
     }
   }
   const auto share = [&](int64_t some) { return double(some) / double(pairs); };
-  if (pairs == 0) return;
-  const bool unseen = share(behind) > kMostBehind && share(seen) < kUnseen;
-  const bool turned = unseen && share(seen_turned) >= kSeen;
-  const bool inverted =
-      !turned && share(seen_inverse) >= kSeenWell && share(seen) < 0.5 * share(seen_inverse);
-  if (inverted) {
-    warnings.add(data.root.string(), ": expected points that the cameras see, found ",
-                 std::lround(100 * share(seen)), " % of them in the pictures, and ",
-                 std::lround(100 * share(seen_inverse)),
-                 " % with inverse poses; the poses seem "
-                 "to be inverted, expected are ",
-                 data.kind == DatasetKind::kColmap || data.kind == DatasetKind::kDietGs
-                     ? "those from the world to the camera"
-                     : "those from the camera to the world");
-    return;
-  }
-  if (!unseen) return;
+  if (pairs == 0 || share(behind) <= kMostBehind || share(seen) >= kUnseen) return;
   warnings.add(data.root.string(), ": expected points that the cameras see, found ",
                std::lround(100 * share(behind)), " % of them behind the cameras; ",
-               turned ? wrong_axes(data.kind)
-                      : "are points and poses of one scene, and the poses in "
-                        "the axes and the direction of their format?");
+               share(seen_turned) >= kSeen ? wrong_axes(data.kind)
+                                           : "are points and poses of one scene, and the poses in "
+                                             "the axes and the direction of their format?");
 }
 
 }  // namespace jade::data

@@ -36,7 +36,7 @@ double length_unit(const Dataset& data);
 void tell_still_cameras(const Dataset& data, const Warnings& warnings);
 
 /// Warns of points that are behind the cameras and in no picture, for example if the axes of the
-/// poses follow another convention, and of poses whose inverses see more than twice as many points.
+/// poses follow another convention.
 void tell_points_behind(const Dataset& data, const Warnings& warnings);
 
 }  // namespace jade::data
