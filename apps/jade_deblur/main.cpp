@@ -5,8 +5,10 @@
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
+#include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/device.h"
+#include "jade/core/digest.h"
 #include "jade/core/error.h"
 #include "jade/core/folder_lock.h"
 #include "jade/core/log.h"
@@ -66,17 +68,27 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                "Also write unclamped float32 [3,H,W] beside each picture");
 }
 
-/// Names the data set and the method in a folder of pictures.
+/// Names the data set, the method and a digest of the settings in a folder of pictures.
 constexpr char kMark[] = "deblur.txt";
 
 std::string mark_of(const DeblurFlags& flags) {
+  train::RunOptions settings;
+  settings.events = flags.options.settings.events;
+  settings.exposure = flags.options.settings.exposure;
+  settings.efnet = flags.options.settings.efnet;
+  Sha256 digest;
+  digest.update(config::to_yaml(fields_of(settings), ""));
+  digest.update(concat(flags.options.run.string(), "; ", flags.options.log_offset, "; ",
+                       flags.pictures.poses, flags.pictures.npy));
+  for (const double time : flags.pictures.times) digest.update(concat(' ', time));
   return concat("method ", flags.method, "\ndata set ",
-                apps::whole_path(flags.options.settings.dataset.path).string(), "\n");
+                apps::whole_path(flags.options.settings.dataset.path).string(), "\nsettings ",
+                digest.hex().substr(0, 12), "\n");
 }
 
-/// Allows a folder without files, or with pictures of the same data set and method, which the new
-/// ones replace.
-void check_output(const std::filesystem::path& output, const DeblurFlags& flags) {
+/// Allows a folder without files, or with pictures of the same data set, method and settings, which
+/// the new ones replace.
+void check_output(const std::filesystem::path& output, const std::string& expected) {
   namespace fs = std::filesystem;
   if (!fs::exists(output)) return;
   if (!fs::is_directory(output))
@@ -84,7 +96,7 @@ void check_output(const std::filesystem::path& output, const DeblurFlags& flags)
   std::string other;
   for (const auto& entry : fs::directory_iterator(output)) {
     const std::string name = entry.path().filename().string();
-    if (name != kMark && name != ".lock") other = name;
+    if (name != kMark && name[0] != '.' && name != "Thumbs.db") other = name;
   }
   if (other.empty()) return;
   const fs::path mark = output / kMark;
@@ -94,12 +106,13 @@ void check_output(const std::filesystem::path& output, const DeblurFlags& flags)
                "jade_deblur, found other files in ",
                output.string(), " (", other, "); choose another"));
   }
-  if (read_file(mark) == mark_of(flags)) return;
+  if (read_file(mark) == expected) return;
   std::string found = read_file(mark);
   std::replace(found.begin(), found.end(), '\n', ' ');
-  throw ConfigError(concat("--output: expected a folder of this method and data set, found in ",
-                           output.string(), " pictures of ", found,
-                           "; choose another, or remove it"));
+  throw ConfigError(
+      concat("--output: expected a folder of this method, data set and settings, "
+             "found in ",
+             output.string(), " pictures of ", found, "; choose another, or remove it"));
 }
 
 /// Runs before anything is loaded.
@@ -114,7 +127,7 @@ void check_flags(const DeblurFlags& flags, const restore::Method& method,
   }
   if (output.empty()) throw ConfigError("--output: expected a folder for the pictures");
   apps::check_apart(output, settings.dataset);
-  check_output(output, flags);
+  check_output(output, mark_of(flags));
   if (method.needs_truth && !flags.pictures.times.empty()) {
     throw ConfigError(
         concat("--times: method ", method.name,
@@ -134,6 +147,7 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   const restore::Method& method = restore::find_method(flags.method);
   const std::filesystem::path& output = program.output();
   check_flags(flags, method, output);
+  const std::string mark = mark_of(flags);  // before the data set changes the settings
   const torch::Device device =
       method.needs_efnet ? select_device(settings->device) : torch::Device(torch::kCPU);
   std::vector<std::string> warnings;
@@ -149,7 +163,7 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
                            ": another jade_deblur is at work here; wait for it or "
                            "choose another --output"));
   }
-  write_file(output / kMark, mark_of(flags));
+  write_file(output / kMark, mark);
   const run::Deblurred deblurred =
       run::deblur(dataset, flags.options, method, output, flags.pictures, device);
   if (deblurred.written == 0) {

@@ -149,6 +149,10 @@ TEST_CASE("jade_deblur: a folder of other files or of another method is refused"
   CHECK(run(scene.dir, into + "a --method edi").code == 0);
   const std::string frame = read_file(scene.dir / "a/00.png");
   check_error(run(scene.dir, into + "a --method efnet"), 2, "--output", "method edi", "scene");
+  check_error(run(scene.dir, into + "a --method edi --npy"), 2, "--output", "settings");
+  scene.dir.write("b/.DS_Store", "of a file manager");
+  CHECK(run(scene.dir, into + "b --method edi").code == 0);
+  fs::remove_all(scene.dir / "b");
   scene.dir.write("b/notes.md", "mine");
   check_error(run(scene.dir, into + "b --method edi"), 2, "--output", "other files", "notes.md");
   scene.dir.write("c", "");
