@@ -131,6 +131,11 @@ int main(int argc, char** argv) {
                              ": expected a recording, the folder of a data set, a run directory or "
                              "Gaussians, found nothing"));
     }
+    if (!std::filesystem::is_regular_file(path) && !std::filesystem::is_directory(path)) {
+      throw DataError(concat(path.string(),
+                             ": expected a file or a folder, found a pipe or a "
+                             "device; store what it sends in a file first"));
+    }
     gaussians::refuse_foreign_scene(path);
     if (gaussians::scene_kind(path)) {
       apps::inspect_scene(path, program.json());

@@ -55,6 +55,11 @@ void print_frames(const Dataset& d) {
               d.root.c_str());
   std::printf("frames      %zu for training, %zu sharp test views (%s)\n", d.train.size(),
               d.test.size(), d.split.c_str());
+  if (!d.held_out.empty()) {
+    std::string held;
+    for (const auto& exposure : d.held_out) held += (held.empty() ? "" : ", ") + exposure.name;
+    std::printf("held out    %s (%s)\n", held.c_str(), data::kHeldOutFile);
+  }
   std::string names;
   for (const auto& view : d.test) names += (names.empty() ? "" : ", ") + marked_name(view);
   if (!names.empty()) std::printf("test views  %s\n", names.c_str());

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sys/stat.h>
 #include <torch/types.h>
 
 #include "jade/data/dataset.h"
@@ -94,6 +95,10 @@ TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   std::filesystem::create_directories(dir / "empty");
   check_error(run(dir, "jade_inspect empty"), 3, "poses_bounds.npy", "transforms.json");
   check_error(run(dir, "jade_inspect nowhere"), 3, "nowhere");
+  REQUIRE(mkfifo((dir / "pipe").c_str(), 0600) == 0);
+  check_error(run(dir, "jade_inspect pipe"), 3, "pipe", "expected a file or a folder");
+  check_error(run(dir, "jade_import pipe --output out --quiet"), 3, "pipe",
+              "found a pipe or a device");
   dir.write("model/sparse/0/cameras.txt", "1 PINHOLE 8 6 5 5 4 3\n");
   dir.write("model/sparse/0/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n");
   dir.write("model/sparse/0/points3D.txt", "1 2 soon\n");

@@ -96,6 +96,9 @@ TEST_CASE("evdeblur: frames without a gain are named", "[data]") {
   const test::TempDir folder;
   write_evdeblur(folder / "scene", test::tiny_content());
   std::vector<std::string> warnings;
+  folder.write("scene/gains.csv", "name,gain\n00,1.5\n00,0.5\n");
+  CHECK_THROWS_WITH(load(folder / "scene"),
+                    Catch::Contains("gains.csv:3") && Catch::Contains("again"));
   folder.write("scene/gains.csv", "\xEF\xBB\xBFname,gain\r\n00,1.5\r\n02,1.2\r\n");
   CHECK(load(folder / "scene", &warnings).train[0].gain == 1.5);
   CHECK(mentions(warnings, "gains.csv: expected a gain for each frame, found none for 01, 03, 04"));
@@ -281,6 +284,20 @@ TEST_CASE("evdeblur: held-out exposures are kept from training", "[data]") {
   CHECK(data.train[1].t_start_us == content.train[2].t_start_us);
   // Its sharp view is one that training no longer sees.
   CHECK(data.test[0].seen == false);
+}
+
+TEST_CASE("evdeblur: no sharp frame is a warning, unless exposures are held out", "[data]") {
+  const test::TempDir folder;
+  EvDeblurContent content = test::tiny_content();
+  content.test.clear();
+  for (const bool holds_out : {false, true}) {
+    if (holds_out) content.held_out = {false, true, false, false};
+    const fs::path scene = folder / (holds_out ? "held" : "none");
+    write_evdeblur(scene, content);
+    std::vector<std::string> warnings;
+    load(scene, &warnings);
+    CHECK(mentions(warnings, "no test views") != holds_out);
+  }
 }
 
 TEST_CASE("evdeblur: held-out names that are no exposure, or all of them, are refused", "[data]") {

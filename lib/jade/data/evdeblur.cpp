@@ -371,7 +371,10 @@ void read_gains(const fs::path& path, const Warnings& warnings, Dataset& data) {
                              ": expected \"name,gain\" with a gain between 0 and ", kMostGain,
                              ", found '", line, "'; correct the line or remove the file"));
     }
-    gains[line.substr(0, comma)] = gain;
+    if (!gains.emplace(line.substr(0, comma), gain).second) {
+      throw DataError(concat(path.string(), ":", number, ": expected one gain per frame, found '",
+                             line.substr(0, comma), "' again; remove one of the lines"));
+    }
   }
   std::vector<std::string> without;
   const auto set = [&](auto& frame) {
@@ -441,8 +444,11 @@ bool is_evdeblur(const fs::path& folder) {
 
 Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
   const Sources s = read_sources(options, warnings);
+  // An import without sharp frames holds out exposures instead.
+  const bool holds_out =
+      options.split == SplitKind::kAuto && fs::exists(options.path / kHeldOutFile);
   const Split split = split_frames(s.times, {options.split, options.test_last, options.test_every},
-                                   s.time_path.string(), warnings);
+                                   s.time_path.string(), holds_out ? Warnings(nullptr) : warnings);
   tell_unused(options.path, s.images, warnings);
   Dataset data;
   data.root = options.path;

@@ -25,7 +25,8 @@ std::string unread_images(const fs::path& folder) {
     std::string kind = entry->path().extension().string();
     std::transform(kind.begin(), kind.end(), kind.begin(),
                    [](unsigned char letter) { return char(std::tolower(letter)); });
-    const bool hidden = entry->path().filename().string()[0] == '.';
+    const std::string name = entry->path().filename().string();
+    const bool hidden = name[0] == '.' || name == "Thumbs.db" || name == "desktop.ini";
     if (!hidden && others.count(kind) == 0 && entry->is_regular_file(ignored)) ++counts[kind];
   }
   const auto most =

@@ -28,6 +28,10 @@ bool begins(const std::string& head, const std::string& with) {
 }
 
 std::string head_of(const fs::path& path) {
+  std::error_code ignored;
+  if (fs::exists(path, ignored) && !fs::is_regular_file(path, ignored)) {  // a pipe would hang
+    throw DataError(concat(path.string(), ": ", kReadable, ", found a pipe or a device"));
+  }
   std::ifstream file(path, std::ios::binary);
   std::string head(4096, '\0');
   file.read(head.data(), std::streamsize(head.size()));
