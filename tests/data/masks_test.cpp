@@ -75,6 +75,13 @@ TEST_CASE("masks: a folder masks/ with any of the usual names", "[data]") {
   CHECK(test::mentions(scene.warnings, "no mask for 5 of 6 frames"));
 }
 
+TEST_CASE("masks: a name with its accents in another form", "[data]") {
+  MaskedScene scene;
+  fs::rename(scene.file("images_1/05.png"), scene.file("images_1/e\u0301.png"));
+  scene.put("masks/\u00e9.png", without_left());
+  CHECK(is_excluded(scene.load().test.back().mask, without_left()));
+}
+
 TEST_CASE("masks: the mask of all frames in any case", "[data]") {
   const std::string name = GENERATE("Mask.png", "MASK.PNG");
   MaskedScene scene;

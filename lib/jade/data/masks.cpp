@@ -14,6 +14,7 @@
 #include "jade/core/readable.h"
 #include "jade/data/named_files.h"
 #include "jade/imaging/image_io.h"
+#include "jade/io/accents.h"
 
 namespace jade::data {
 namespace {
@@ -76,9 +77,14 @@ std::vector<MaskFolder> MaskFolders::of(const fs::path& frame) {
 
 fs::path mask_in(const MaskFolder& at, const fs::path& frame) {
   const std::string stem = frame.stem().string(), whole = frame.filename().string();
-  for (const std::string& name : {whole + ".png", stem + ".png", stem + ".png.png",
-                                  stem + ".jpg.png", stem + ".JPG.png", whole}) {
+  const std::string names[] = {whole + ".png",    stem + ".png",     stem + ".png.png",
+                               stem + ".jpg.png", stem + ".JPG.png", whole};
+  for (const std::string& name : names) {
     fs::path path = at.folder / at.inside / name;
+    if (fs::is_regular_file(path)) return path;
+  }
+  for (const std::string& name : names) {
+    fs::path path = io::respelled(at.folder / at.inside / name);
     if (fs::is_regular_file(path)) return path;
   }
   return {};

@@ -43,16 +43,26 @@ bool is_mark(uint32_t letter) {
   return (letter >= 0x300 && letter <= 0x36F) || letter == 0x3099 || letter == 0x309A;
 }
 
-/// Whether `letter` may be `base` with marks.
-bool is_composed_of(uint32_t letter, uint32_t base) {
-  // Bases of the letters from U+00C0 to U+017F.
+/// Number of marks of `letter` if it may be the letters at `text` and their marks, else 0.
+size_t marks_of(uint32_t letter, const uint32_t* text, const uint32_t* end) {
+  // Bases of the letters from U+00C0 to U+017F, and their marks: 'a' is U+0300.
   constexpr char kBases[] =
       "AAAAAA?CEEEEIIII?NOOOOO??UUUUY??aaaaaa?ceeeeiiii?nooooo??uuuuy?y"
       "AaAaAaCcCcCcCcDd??EeEeEeEeEeGgGgGgGgHh??IiIiIiIiI???JjKk?LlLlLl?"
       "???NnNnNn???OoOoOo??RrRrRrSsSsSsSsTtTt??UuUuUuUuUuUuWwYyYZzZzZz?";
-  constexpr uint32_t kFirst = 0xC0, kLast = 0x17F;
-  if (letter < kFirst || is_mark(letter)) return false;
-  return letter > kLast || uint32_t(kBases[letter - kFirst]) == base;
+  constexpr char kPlaces[] =
+      "abcdik?yabciabci?dabcdi??abcib??abcdik?yabciabci?dabcdi??abcib?i"
+      "eeggzzbbcchhmmmm??eegghhzzmmccgghhyycc??ddeeggzzh???ccyy?bbyymm?"
+      "???bbyymm???eeggll??bbyymmbbccyymmyymm??ddeeggkkllzzccccibbhhmm?";
+  constexpr uint32_t kFirst = 0xC0, kLast = 0x17F, kCedilla = 0x327, kOgonek = 0x328;
+  const auto count = static_cast<size_t>(std::find_if_not(text + 1, end, is_mark) - (text + 1));
+  if (letter < kFirst || is_mark(letter) || count == 0) return 0;
+  if (letter > kLast) return count;
+  const char place = kPlaces[letter - kFirst];
+  const uint32_t mark = place == 'y'   ? kCedilla
+                        : place == 'z' ? kOgonek
+                                       : 0x300 + uint32_t(place - 'a');
+  return uint32_t(kBases[letter - kFirst]) == text[0] && mark == text[1] ? 1 : 0;
 }
 
 }  // namespace
@@ -63,11 +73,9 @@ bool same_but_accents(const std::string& a, const std::string& b) {
   size_t i = 0, j = 0;
   // Skips a base with its marks in `text` if they may be `letter`.
   const auto skips = [](const std::vector<uint32_t>& text, size_t& at, uint32_t letter) {
-    if (at + 1 >= text.size() || !is_mark(text[at + 1]) || !is_composed_of(letter, text[at]))
-      return false;
-    for (++at; at < text.size() && is_mark(text[at]); ++at) {
-    }
-    return true;
+    const size_t marks = marks_of(letter, text.data() + at, text.data() + text.size());
+    if (marks > 0) at += 1 + marks;
+    return marks > 0;
   };
   while (i < left.size() && j < right.size()) {
     if (left[i] == right[j]) {

@@ -7,8 +7,8 @@
 
 namespace jade::io {
 
-/// Whether two names in UTF-8 are equal up to composed and decomposed letters. Latin letters and
-/// Hangul are compared exactly or by their base; other letters equal any base with a mark.
+/// Whether two names in UTF-8 are equal up to composed and decomposed letters. Hangul and letters
+/// up to U+017F are compared exactly; other letters equal any base with marks.
 bool same_but_accents(const std::string& a, const std::string& b);
 
 /// The existing path that equals `path` up to composed and decomposed letters. Empty for paths in
