@@ -206,6 +206,7 @@ ExitCode run(apps::Program& program, Flags& flags) {
   const sweep::Plan plan = plan_of(program, flags);
   for (const std::string& skipped : plan.skipped) log_warn("left out: " + skipped);
   if (flags.dry_run) {
+    output.check_settings(plan, apps::resolve_written);
     list_runs(plan, output);
     return ExitCode::kOk;
   }

@@ -72,9 +72,11 @@ TEST_CASE("jade_sweep: trains two rows with two seeds, goes on, and writes the t
   const Outcome again = run(dir, call + "--json");
   CHECK(again.code == 0);
   CHECK_THAT(again.out, Catch::Contains("\"finished\":4"));
-  const Outcome changed = run(dir, call + "--set train.iterations=5");
-  CHECK(changed.code == 2);
-  CHECK_THAT(changed.err, Catch::Contains("bare/tiny/1: train.iterations: 4 -> 5"));
+  for (const char* dry : {"", " --dry-run"}) {
+    const Outcome changed = run(dir, call + "--set train.iterations=5" + dry);
+    CHECK(changed.code == 2);
+    CHECK_THAT(changed.err, Catch::Contains("bare/tiny/1: train.iterations: 4 -> 5"));
+  }
 }
 
 TEST_CASE("jade_sweep: mistakes are refused before anything starts, all at once", "[sweep]") {

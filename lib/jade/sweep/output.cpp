@@ -46,7 +46,7 @@ std::string to_string(RunState state) {
   return "";
 }
 
-void SweepOutput::write_settings(const Plan& plan, const Resolver& resolve) const {
+void SweepOutput::check_settings(const Plan& plan, const Resolver& resolve) const {
   std::string problems;
   for (const Run& run : plan.runs) {
     if (state(run.id()) == RunState::kNew || !fs::exists(settings_file(run.id()))) continue;
@@ -64,6 +64,10 @@ void SweepOutput::write_settings(const Plan& plan, const Resolver& resolve) cons
                "them; put the settings back or choose another --output:\n",
                problems));
   }
+}
+
+void SweepOutput::write_settings(const Plan& plan, const Resolver& resolve) const {
+  check_settings(plan, resolve);
   for (const Run& run : plan.runs) {
     make_writable_folder(settings_file(run.id()).parent_path());
     write_file(settings_file(run.id()), run.settings.yaml);

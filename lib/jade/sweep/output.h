@@ -40,10 +40,11 @@ class SweepOutput {
   std::filesystem::path outcome_file(const std::string& id) const { return task_file(id, ".json"); }
   std::filesystem::path log_file(const std::string& id) const { return task_file(id, ".log"); }
 
-  /// Writes the settings of every run of the plan.
-  /// @throws ConfigError naming each key that differs from a run that has already started (the key
-  ///   device may differ).
+  /// Compares the plan with the runs that have already started.
+  /// @throws ConfigError naming each key that differs (the key device may).
   /// @param resolve  reads the existing settings
+  void check_settings(const Plan& plan, const Resolver& resolve) const;
+  /// Writes the settings of every run of the plan. @throws ConfigError as check_settings().
   void write_settings(const Plan& plan, const Resolver& resolve) const;
 
   RunState state(const std::string& id) const;
