@@ -313,19 +313,28 @@ TEST_CASE("colmap scene: names that differ by ending or capitals are reported wi
   CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(room)), "img_00.png", "IMG_00.PNG");
 }
 
-TEST_CASE("colmap scene: names with accents in another form are found, with a warning", "[data]") {
-  const test::TempDir folder;
-  const fs::path room = folder / "room";
+/// Writes a model of three images, whose names there and whose files in images/ may differ.
+template <class Name, class File>
+DatasetOptions write_three_images(const fs::path& room, const Name& name, const File& file) {
   std::vector<io::ColmapImage> images;
   for (int i = 0; i < 3; ++i) {
     const geometry::Pose pose = test::steady_pose(1e5 * i);
-    images.push_back({i + 1, geometry::quaternion_from_rotation(pose.rotation), pose.translation, 1,
-                      concat("e\u0301", i, ".png")});
-    imaging::write_image(room / concat("images/\u00e9", i, ".png"), test::noise_image(i));
+    images.push_back(
+        {i + 1, geometry::quaternion_from_rotation(pose.rotation), pose.translation, 1, name(i)});
+    imaging::write_image(room / "images" / file(i), test::noise_image(i));
   }
   test::save_model(room / "sparse/0", test::binary_model(kCamera, images, {0, 0, 4}));
   DatasetOptions options = dataset_at(room);
   options.split = SplitKind::kNone;
+  return options;
+}
+
+TEST_CASE("colmap scene: names with accents in another form are found, with a warning", "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  const DatasetOptions options = write_three_images(
+      room, [](int i) { return concat("e\u0301", i, ".png"); },
+      [](int i) { return concat("\u00e9", i, ".png"); });
   std::vector<std::string> warnings;
   CHECK(load_dataset(options, &warnings).train.size() == 3);
   REQUIRE(warnings.size() == 1);
@@ -335,16 +344,9 @@ TEST_CASE("colmap scene: names with accents in another form are found, with a wa
 TEST_CASE("colmap scene: names with the slashes of Windows are found", "[data]") {
   const test::TempDir folder;
   const fs::path room = folder / "room";
-  std::vector<io::ColmapImage> images;
-  for (int i = 0; i < 3; ++i) {
-    const geometry::Pose pose = test::steady_pose(1e5 * i);
-    images.push_back({i + 1, geometry::quaternion_from_rotation(pose.rotation), pose.translation, 1,
-                      concat("cam", i, "\\a.png")});
-    imaging::write_image(room / concat("images/cam", i, "/a.png"), test::noise_image(i));
-  }
-  test::save_model(room / "sparse/0", test::binary_model(kCamera, images, {0, 0, 4}));
-  DatasetOptions options = dataset_at(room);
-  options.split = SplitKind::kNone;
+  const DatasetOptions options = write_three_images(
+      room, [](int i) { return concat("cam", i, "\\a.png"); },
+      [](int i) { return concat("cam", i, "/a.png"); });
   std::vector<std::string> warnings;
   const Dataset data = load_dataset(options, &warnings);
   CHECK(warnings.empty());

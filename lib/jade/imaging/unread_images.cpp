@@ -34,7 +34,8 @@ std::string unread_images(const fs::path& folder) {
                        [](const auto& a, const auto& b) { return a.second < b.second; });
   if (most == counts.end()) return "";
   return concat("; found ", most->second, most->second == 1 ? " file " : " files ", most->first,
-                " in ", folder.string(), ", which is not read as frames; ",
+                " in ", folder.string(), most->second == 1 ? ", which is" : ", which are",
+                " not read as frames; ",
                 videos.count(most->first) > 0
                     ? "extract its frames as images"
                     : "convert them to .png, .jpg, .tif, .bmp, .webp, .ppm or .pgm");

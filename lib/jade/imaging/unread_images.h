@@ -6,9 +6,9 @@
 
 namespace jade::imaging {
 
-/// For messages about a folder without images: "; found 24 files .heic, which are not read …" for
-/// the most frequent kind of file that is no text or array, with what is read; empty if there are
-/// none.
+/// For messages about a folder without images: "; found 24 files .heic, which are not read as
+/// frames …" for the most frequent kind of file that is no text or array, with what is read; empty
+/// if there are none.
 std::string unread_images(const std::filesystem::path& folder);
 
 }  // namespace jade::imaging
