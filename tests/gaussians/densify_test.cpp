@@ -199,6 +199,22 @@ TEST_CASE("mcmc: dead Gaussians move onto living ones, which share their opacity
   for (const float tag : f.tags()) CHECK(tag == 0);
 }
 
+TEST_CASE("mcmc: relocation keeps the tensors, so that a recorded step stays valid",
+          "[gaussians]") {
+  Fixture f(4);
+  f.model.parameters().logit_opacities.detach().copy_(torch::tensor({2.f, 2.f, -9.f, 2.f}));
+  const splat::Gaussians before = f.model.detached(), moments = f.adam.first_moments();
+  at::Generator generator = make_generator(1, "mcmc");
+  CHECK(relocate_dead({0.005, true, {}}, f.model, f.adam, generator) == 1);
+  for (int i = 0; i < kParameterCount; ++i) {
+    INFO(kParameterNames[i]);
+    CHECK(parameter(f.model.parameters(), i).data_ptr() == parameter(before, i).data_ptr());
+    CHECK(parameter(f.adam.first_moments(), i).data_ptr() == parameter(moments, i).data_ptr());
+    CHECK(parameter(f.model.parameters(), i).requires_grad());
+  }
+  CHECK(f.model.detached().logit_opacities[2].item<double>() > 0);
+}
+
 TEST_CASE("mcmc: rows are sampled by their weights, late ones among millions too", "[gaussians]") {
   at::Generator generator = make_generator(1, "rows");
   const torch::Tensor few = drawn_rows(torch::tensor({0.f, 1.f, 0.f, 3.f, 0.f}), 4000, generator);

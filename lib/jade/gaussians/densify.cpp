@@ -166,8 +166,10 @@ DensifyReport Densifier::update_adc(int64_t step, double gradient_threshold, Gau
   report.split = split.size(0);
   report.pruned = rows.size(0) - alive.size(0);
   if (report.changed()) {
-    model.replace(map_parameters(
-        grown, [&](const torch::Tensor& value) { return value.index_select(0, alive); }));
+    for (int i = 0; i < kParameterCount; ++i) {
+      parameter(grown, i) = parameter(grown, i).index_select(0, alive);
+    }
+    model.replace(std::move(grown));
     adam.gather_rows(rows.index_select(0, alive));
   }
   reset_statistics(model);

@@ -11,7 +11,7 @@ namespace {
 constexpr int64_t kCoefficients = 16;
 
 torch::Tensor leaf(const torch::Tensor& value) {
-  return value.detach().clone(torch::MemoryFormat::Contiguous).set_requires_grad(true);
+  return value.detach().contiguous().set_requires_grad(true);
 }
 
 torch::Tensor widened(const torch::Tensor& sh) {
@@ -47,8 +47,9 @@ GaussianModel::GaussianModel(const splat::Gaussians& start, double extent, torch
   splat::Gaussians wide =
       map_parameters(start, [](const torch::Tensor& value) { return value.detach(); });
   wide.sh = widened(wide.sh);
-  replace(map_parameters(
-      wide, [&](const torch::Tensor& value) { return value.to(device, torch::kFloat32); }));
+  replace(map_parameters(wide, [&](const torch::Tensor& value) {
+    return value.to(device, torch::kFloat32, /*non_blocking=*/false, /*copy=*/true);
+  }));
 }
 
 splat::Gaussians GaussianModel::gradients() const {
@@ -63,7 +64,7 @@ splat::Gaussians GaussianModel::detached() const {
   return map_parameters(parameters_, [](const torch::Tensor& value) { return value.detach(); });
 }
 
-void GaussianModel::replace(const splat::Gaussians& values) {
+void GaussianModel::replace(splat::Gaussians values) {
   splat::check(values);
   check_shape(values.sh, "sh", {-1, kCoefficients, 3});
   parameters_ = map_parameters(values, leaf);

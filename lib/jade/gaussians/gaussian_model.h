@@ -43,13 +43,14 @@ class GaussianModel {
   /// Drops all gradients (sets them to undefined).
   void zero_grad();
 
-  /// Copies without gradient, for rendering, saving and tests.
+  /// The same tensors without gradient, for rendering, saving and tests.
   splat::Gaussians detached() const;
 
-  /// Replaces the parameters by new leaves with these values, without gradients. Only densification
-  /// may call it, because the optimiser's rows must change with them.
+  /// Replaces the parameters by new leaves that own these tensors, without gradients; the caller
+  /// must not change them afterwards. Only densification may call it, because the optimiser's rows
+  /// must change with them.
   /// @throws ContractError for shapes that do not match.
-  void replace(const splat::Gaussians& values);
+  void replace(splat::Gaussians values);
 
  private:
   splat::Gaussians parameters_;

@@ -91,10 +91,6 @@ void share_places(const torch::Tensor& chosen, const torch::Tensor& opacities, d
                                 to_device(factors).unsqueeze(1).expand({rows.size(0), 3}));
 }
 
-splat::Gaussians copies_of(const GaussianModel& model) {
-  return map_parameters(model.detached(), [](const torch::Tensor& value) { return value.clone(); });
-}
-
 torch::Tensor cpu_opacities(const GaussianModel& model) {
   return model.detached().logit_opacities.sigmoid().nan_to_num(0).to(torch::kCPU).contiguous();
 }
@@ -123,7 +119,7 @@ int64_t relocate_dead(const CopyRule& rule, GaussianModel& model, GaussianAdam& 
   const torch::Tensor dead = (opacities <= rule.min_opacity).nonzero().squeeze(1);
   if (dead.size(0) == 0 || dead.size(0) == opacities.size(0)) return 0;
   const torch::Tensor chosen = drawn_rows(copy_weights(rule, opacities), dead.size(0), generator);
-  splat::Gaussians values = copies_of(model);
+  splat::Gaussians values = model.detached();  // the model's own tensors, changed in place
   share_places(chosen, opacities, rule.min_opacity, &values);
   const torch::Tensor from = chosen.to(model.device());
   const torch::Tensor into = dead.to(model.device());
@@ -132,7 +128,6 @@ int64_t relocate_dead(const CopyRule& rule, GaussianModel& model, GaussianAdam& 
     value.index_copy_(0, into, value.index_select(0, from));
   }
   if (rule.spread) spread_copies(into, &values, generator);
-  model.replace(values);
   adam.reset_rows(torch::cat({from, into}));
   return dead.size(0);
 }
@@ -144,7 +139,7 @@ int64_t add_on_living(int64_t count, const CopyRule& rule, GaussianModel& model,
   const torch::Tensor weights = copy_weights(rule, opacities);
   if (count <= 0 || !(weights > 0).any().item<bool>()) return 0;
   const torch::Tensor chosen = drawn_rows(weights, count, generator);
-  splat::Gaussians values = copies_of(model);
+  splat::Gaussians values = model.detached();
   share_places(chosen, opacities, rule.min_opacity, &values);
   const torch::Tensor from = chosen.to(model.device());
   adam.reset_rows(from);
@@ -157,7 +152,7 @@ int64_t add_on_living(int64_t count, const CopyRule& rule, GaussianModel& model,
     spread_copies(torch::arange(model.size(), model.size() + count, from.options()), &all,
                   generator);
   }
-  model.replace(all);
+  model.replace(std::move(all));
   return count;
 }
 

@@ -93,9 +93,12 @@ void GaussianAdam::step(GaussianModel& model) {
 void GaussianAdam::gather_rows(const torch::Tensor& rows) {
   const torch::NoGradGuard no_grad;
   check_dtype(rows, "rows", torch::kInt64);
-  const auto gather = [&](const torch::Tensor& values) { return gathered(values, rows); };
-  first_ = map_parameters(first_, gather);
-  second_ = map_parameters(second_, gather);
+  // One tensor at a time, so that its old rows are freed before the next one is copied.
+  for (splat::Gaussians* moments : {&first_, &second_}) {
+    for (int i = 0; i < kParameterCount; ++i) {
+      parameter(*moments, i) = gathered(parameter(*moments, i), rows);
+    }
+  }
 }
 
 void GaussianAdam::reset_parameter(int index) {

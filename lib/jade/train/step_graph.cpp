@@ -65,6 +65,14 @@ bool same_layout(const torch::Tensor& a, const torch::Tensor& b) {
          a.is_contiguous() && b.is_contiguous();
 }
 
+/// Returns the memory that dropped graphs held. Gradients lie in the pool of the graph that
+/// computed them and keep all of it reserved, so they go first.
+void release_memory(TrainState& state, torch::Device device) {
+  state.zero_grad();
+  state.allocation_adam.zero_grad();
+  trim_device_memory(device, kSpareBytes);
+}
+
 /// Copies the values of `from` to the addresses of `own`.
 void copy_values(const StepInputs& from, StepInputs& own) {
   const torch::NoGradGuard no_grad;
@@ -156,12 +164,9 @@ struct StepGraph::Recordings {
     // The memory pools of earlier graphs stay reserved until trimmed, which is impossible during
     // capture: after a hundred densifications they would fill the GPU.
     if (recorded.size() == kMostPlans) recorded.erase(recorded.begin());
-    const torch::Device device = step_inputs.view.blurry.device();
-    trim_device_memory(device, kSpareBytes);
-    if (!inputs) inputs = own_copy(step_inputs);
     // Gradients must be allocated inside the graph, at addresses of its own.
-    state.zero_grad();
-    state.allocation_adam.zero_grad();
+    release_memory(state, step_inputs.view.blurry.device());
+    if (!inputs) inputs = own_copy(step_inputs);
     auto made = std::make_unique<Recording>();
     made->plan = plan;
     // All graphs share one memory pool: they never run at the same time, and a step's outputs are
@@ -199,7 +204,7 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const St
       // An eager step does not need the memory of the graphs; both together would be the run's
       // peak.
       recordings.forget();
-      trim_device_memory(inputs.view.blurry.device(), kSpareBytes);
+      release_memory(state, inputs.view.blurry.device());
       return alternate(state, inputs, plan, options);
     }
     try {
