@@ -11,6 +11,7 @@
 #include <torch/csrc/stable/device.h>
 #include <torch/csrc/stable/tensor.h>
 #include <torch/headeronly/util/shim_utils.h>
+#include <utility>
 #include <vector>
 #else
 #include <torch/types.h>
@@ -19,7 +20,19 @@
 namespace jade::splat {
 
 #ifdef JADE_STABLE_ABI
-using Tensor = torch::stable::Tensor;
+/// All undefined tensors share one handle: the stable ABI's default constructor allocates twice.
+class Tensor : public torch::stable::Tensor {
+ public:
+  Tensor() : Tensor(undefined()) {}
+  explicit Tensor(AtenTensorHandle handle) : torch::stable::Tensor(handle) {}
+  Tensor(torch::stable::Tensor tensor) : torch::stable::Tensor(std::move(tensor)) {}
+
+ private:
+  static const torch::stable::Tensor& undefined() {
+    static const torch::stable::Tensor none;
+    return none;
+  }
+};
 using Device = torch::stable::Device;
 #else
 using Tensor = torch::Tensor;

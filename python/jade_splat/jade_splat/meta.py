@@ -79,7 +79,10 @@ def project(means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, cam
 
 def _versions(tensors: tuple[Tensor, ...]) -> list[int]:
     """How often each tensor was changed in place; tensors of inference mode do not count that."""
-    return [0 if tensor.is_inference() else tensor._version for tensor in tensors]
+    try:
+        return [tensor._version for tensor in tensors]
+    except RuntimeError:
+        return [0 if tensor.is_inference() else tensor._version for tensor in tensors]
 
 
 class Meta(MutableMapping):
@@ -89,6 +92,7 @@ class Meta(MutableMapping):
     gaussian_ids; otherwise they are [..., C, N, ...], with radii of 0 where a Gaussian is not visible.
     """
 
+    __slots__ = ("_values", "_gaussians", "_cameras", "_means2d", "_packed", "_inputs", "_rendered", "_pending")
     _SCREEN = ("radii", "means2d", "depths", "conics", "opacities", "batch_ids", "camera_ids", "gaussian_ids")
 
     def __init__(self, values: dict[str, Any], gaussians: tuple[Tensor, ...], cameras: Cameras,

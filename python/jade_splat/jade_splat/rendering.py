@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -60,31 +61,42 @@ def splat(
     Returns:
         color [C, 3, H, W], alpha [C, 1, H, W] and, if requested, Σ w z [C, 1, H, W].
     """
-    tensors = (means, quats, log_scales, logit_opacities, sh, viewmats, intrinsics)
-    _check_tensors(_SPLAT_NAMES, tensors)
-    _refuse_gradient("intrinsics", intrinsics)
     width, height = _size(width, height)
-    sh_degree = _degree(sh_degree)
     near_plane = _number("near_plane", near_plane)
-    count = _count(means)
-    if len(count) != 1:
-        raise ValueError(f"means: expected shape (N, 3), found {tuple(means.shape)}")
-    if sh.dim() != 3 or sh.shape[1] not in _DEGREES or sh.shape[::2] != (*count, 3):
-        raise ValueError(f"sh: expected shape ({count[0]}, 1, 4, 9 or 16, 3), found {tuple(sh.shape)}")
-    views = _views(viewmats)
-    _expect("quats", quats, (*count, 4))
-    _expect("log_scales", log_scales, (*count, 3))
-    _expect("logit_opacities", logit_opacities, count)
-    _expect("viewmats", viewmats, (views, 4, 4))
-    _expect("intrinsics", intrinsics, (views, 4))
     if not near_plane > 0:
         raise ValueError(f"near_plane: expected more than 0, found {near_plane}")
-    sh_degree = min(sh_degree, _DEGREES[sh.shape[1]])
     scalars = (
-        *(width, height, sh_degree, near_plane, _FARTHEST, _MAX_ALPHA),
+        *(width, height, _degree(sh_degree), near_plane, _FARTHEST, _MAX_ALPHA),
         *(False, antialiased, depth, smooth_cutoff, deterministic, False),
     )
-    return _ops.render(tuple([_ops.contiguous(tensor) for tensor in tensors]), None, scalars)
+    tensors = (means, quats, log_scales, logit_opacities, sh, viewmats, intrinsics)
+    return _name_bad_tensors(_splat, _check_splat, tensors, scalars)
+
+
+def _splat(tensors: tuple[Tensor, ...], scalars: tuple) -> tuple[Tensor, Tensor, Tensor | None]:
+    _, _, _, _, sh, viewmats, intrinsics = tensors
+    _check_intrinsics("intrinsics", intrinsics, (viewmats.shape[0], 4))
+    width, height, degree, *others = scalars
+    degree = min(degree, _DEGREES[sh.shape[1]])
+    return _ops.render(tensors, None, (width, height, degree, *others))
+
+
+def _check_splat(tensors: tuple[Tensor, ...], scalars: tuple) -> None:
+    _check_tensors(_SPLAT_NAMES, tensors)
+    means, quats, log_scales, logit_opacities, sh, viewmats, intrinsics = tensors
+    if means.dim() != 2 or means.shape[1] != 3:
+        raise ValueError(f"means: expected shape (N, 3), found {tuple(means.shape)}")
+    count, views = means.shape[0], _views(viewmats)
+    if sh.dim() != 3 or sh.shape[1] not in _DEGREES or sh.shape[::2] != (count, 3):
+        raise ValueError(f"sh: expected shape ({count}, 1, 4, 9 or 16, 3), found {tuple(sh.shape)}")
+    _expect("quats", quats, (count, 4))
+    _expect("log_scales", log_scales, (count, 3))
+    _expect("logit_opacities", logit_opacities, (count,))
+    _expect("viewmats", viewmats, (views, 4, 4))
+    _check_intrinsics("intrinsics", intrinsics, (views, 4))
+    for name, value in zip(("antialiased", "depth", "smooth_cutoff", "deterministic"), scalars[7:]):
+        if value not in (True, False, None):
+            raise TypeError(f"{name}: expected True or False, found {value!r}")
 
 
 def rasterization(
@@ -149,15 +161,15 @@ def rasterization(
         ValueError, TypeError: a shape, type or device that does not fit, by name.
     """
     if (
-        radius_clip > 0 or eps2d != 0.3 or sparse_grad or absgrad or distributed or camera_model != "pinhole" or with_ut
+        radius_clip != 0 or eps2d != 0.3 or sparse_grad or absgrad or distributed or camera_model != "pinhole" or with_ut
         or with_eval3d or rolling_shutter is not None or covars is not None or radial_coeffs is not None
         or tangential_coeffs is not None or thin_prism_coeffs is not None or ftheta_coeffs is not None
         or viewmats_rs is not None
     ):
         _refuse(
-            radius_clip=radius_clip > 0, eps2d=eps2d != 0.3, sparse_grad=sparse_grad, absgrad=absgrad,
-            distributed=distributed, camera_model=camera_model != "pinhole", covars=covars is not None, with_ut=with_ut,
-            with_eval3d=with_eval3d, radial_coeffs=radial_coeffs is not None,
+            radius_clip=_number("radius_clip", radius_clip) > 0, eps2d=eps2d != 0.3, sparse_grad=sparse_grad,
+            absgrad=absgrad, distributed=distributed, camera_model=camera_model != "pinhole", covars=covars is not None,
+            with_ut=with_ut, with_eval3d=with_eval3d, radial_coeffs=radial_coeffs is not None,
             tangential_coeffs=tangential_coeffs is not None, thin_prism_coeffs=thin_prism_coeffs is not None,
             ftheta_coeffs=ftheta_coeffs is not None, viewmats_rs=viewmats_rs is not None,
             rolling_shutter=rolling_shutter is not None and getattr(rolling_shutter, "name", "") != "GLOBAL",
@@ -166,35 +178,41 @@ def rasterization(
         raise ValueError(f"render_mode: expected one of {', '.join(_MODES)}, found {render_mode!r}")
     if rasterize_mode not in ("classic", "antialiased"):
         raise ValueError(f"rasterize_mode: expected classic or antialiased, found {rasterize_mode!r}")
-    gaussians = (means, quats, scales, opacities)
-    tensors = (*gaussians, colors, viewmats, Ks)
-    _check_tensors(_NAMES, tensors if backgrounds is None else (*tensors, backgrounds))
-    _refuse_gradient("Ks", Ks)
     width, height = _size(width, height)
+    tile_size = _integer("tile_size", tile_size)
+    if tile_size < 1:
+        raise ValueError(f"tile_size: expected at least 1 px, found {tile_size}")
     sh_degree = None if sh_degree is None else _degree(sh_degree)
     near_plane, far_plane = _number("near_plane", near_plane), _number("far_plane", far_plane)
-    batch, views = _check_shapes(*gaussians, colors, viewmats, Ks, sh_degree)
-    channels = 3 if sh_degree is not None else colors.shape[-1]
-    if backgrounds is not None:
-        _expect("backgrounds", backgrounds, (*batch, views, channels))
     if not 0 < near_plane < far_plane:
         raise ValueError(f"near_plane, far_plane: expected 0 < near_plane < far_plane, found {near_plane}, {far_plane}")
+    tensors = (means, quats, scales, opacities, colors, viewmats, Ks, backgrounds)
+    screen = (width, height, near_plane, far_plane, rasterize_mode == "antialiased")
+    return _name_bad_tensors(_rasterize, _check_scene, tensors, (sh_degree, render_mode, screen, packed, tile_size))
 
-    count = means.shape[-2]
-    antialiased = rasterize_mode == "antialiased"
-    compiling = torch.compiler.is_compiling()
-    wants = torch.is_grad_enabled() and any([t.requires_grad for t in tensors])
-    means2d = None
-    if wants and not compiling:
-        means2d = torch.empty((*batch, views, count, 2), dtype=means.dtype, device=means.device, requires_grad=True)
-    scalars = (width, height, near_plane, min(far_plane, _FARTHEST), antialiased)
-    tensors = (*tensors, means2d)
-    if not batch:
-        pixels, alpha, depth_sum = _render_scene(tensors, sh_degree, render_mode, *scalars)
+
+def _rasterize(tensors: tuple[Tensor, ...], options: tuple) -> tuple[Tensor, Tensor, Any]:
+    means, quats, scales, opacities, colors, viewmats, Ks, backgrounds = tensors
+    sh_degree, render_mode, screen, packed, tile_size = options
+    if means.dim() == 2 and colors.dim() == (2 if sh_degree is None else 3) and backgrounds is None and render_mode == "RGB":
+        _check_intrinsics("Ks", Ks, (viewmats.shape[0], 3, 3))
     else:
-        flat = [None if t is None else t.flatten(0, len(batch) - 1) for t in tensors]
+        # The op would see only parts of these tensors.
+        _check_scene(tensors, options)
+    width, height, near_plane, far_plane, antialiased = screen
+    gaussians = (means, quats, scales, opacities)
+    batch, views = means.shape[:-2], viewmats.shape[-3]
+    compiling = torch.compiler.is_compiling()
+    means2d = None
+    if not compiling and torch.is_grad_enabled() and any([t.requires_grad for t in tensors[:-1]]):
+        means2d = means.new_empty((*batch, views, means.shape[-2], 2), requires_grad=True)
+    of_scenes = (*tensors[:-1], means2d)
+    if not batch:
+        pixels, alpha, depth_sum = _render_scene(of_scenes, sh_degree, render_mode, *screen)
+    else:
+        flat = [None if t is None else t.flatten(0, len(batch) - 1) for t in of_scenes]
         scenes = [
-            _render_scene(tuple(None if t is None else t[b] for t in flat), sh_degree, render_mode, *scalars)
+            _render_scene(tuple(None if t is None else t[b] for t in flat), sh_degree, render_mode, *screen)
             for b in range(math.prod(batch))
         ]
         pixels, alpha, depth_sum = (
@@ -222,47 +240,39 @@ def _render_scene(
 ) -> tuple[Tensor | None, Tensor, Tensor | None]:
     """One scene: pixels [C, H, W, D] or None, alpha [C, H, W, 1], Σ w z or None."""
     *gaussians, colors, viewmats, Ks, means2d = tensors
-    gaussians = [_ops.contiguous(t) for t in gaussians]
     per_view = colors.dim() == (3 if sh_degree is None else 4)
-    channels = 3 if sh_degree is not None else colors.shape[-1]
+    channels, padding = 3, 0
     if mode in ("D", "ED"):
         groups, per_view, degree = [colors.new_zeros((gaussians[0].shape[0], 3))], False, _PLAIN
     elif sh_degree is not None:
         whole = colors.shape[-2] in _DEGREES
         groups, degree = [colors if whole else colors[..., : (sh_degree + 1) ** 2, :]], sh_degree
-    elif channels == 3:
-        groups, degree = [colors], _PLAIN
     else:
-        # Three channels per pass.
+        channels, degree = colors.shape[-1], _PLAIN
         padding = -channels % 3
-        padded = torch.nn.functional.pad(colors, (0, padding)) if padding else colors
-        groups, degree = padded.split(3, -1), _PLAIN
+        # Three channels per pass.
+        groups = [colors] if channels == 3 else torch.nn.functional.pad(colors, (0, padding)).split(3, -1)
 
     deterministic = torch.are_deterministic_algorithms_enabled()
-
-    def call(color: Tensor, cameras: tuple, depth: bool) -> tuple[Tensor, ...]:
-        poses, matrices, screen = cameras
-        inputs = (*gaussians, _ops.contiguous(color), _ops.contiguous(poses), _ops.contiguous(matrices))
-        scalars = (
-            *(width, height, degree, near, far, _GSPLAT_MAX_ALPHA),
-            *(True, antialiased, depth, False, deterministic, True),
-        )
-        return _ops.render(inputs, screen, scalars)
-
-    cameras = (viewmats, Ks, means2d)
+    far = min(far, _FARTHEST)
     passes = []
     for index, group in enumerate(groups):
-        depth = index == 0 and mode != "RGB"
+        scalars = (
+            *(width, height, degree, near, far, _GSPLAT_MAX_ALPHA),
+            *(True, antialiased, index == 0 and mode != "RGB", False, deterministic, True),
+        )
         if per_view:
-            views = [tuple(None if t is None else t[v : v + 1] for t in cameras) for v in range(viewmats.shape[0])]
-            parts = [call(group[v], view, depth) for v, view in enumerate(views)]
+            parts = []
+            for v in range(viewmats.shape[0]):
+                pose, K, screen = (None if t is None else t[v : v + 1] for t in (viewmats, Ks, means2d))
+                parts.append(_ops.render((*gaussians, group[v], pose, K), screen, scalars))
             passes.append(tuple(None if images[0] is None else torch.cat(images) for images in zip(*parts)))
         else:
-            passes.append(call(group, cameras, depth))
+            passes.append(_ops.render((*gaussians, group, viewmats, Ks), means2d, scalars))
     pixels, alpha, depth_sum = passes[0]
     if len(passes) > 1:
         pixels = torch.cat([images[0] for images in passes], -1)
-    if pixels.shape[-1] != channels:
+    if padding:
         pixels = pixels[..., :channels]
     return (None if mode in ("D", "ED") else pixels), alpha, depth_sum
 
@@ -273,7 +283,31 @@ def _refuse(**used: bool) -> None:
             raise NotImplementedError(f"{name}: not supported by jade_splat.rasterization; leave its default")
 
 
-def _refuse_gradient(name: str, tensor: Tensor) -> None:
+def _name_bad_tensors(render: Callable, check: Callable, tensors: tuple[Tensor, ...], options: tuple) -> tuple:
+    """Returns render(tensors, options). If that fails, check(tensors, options) raises the error that names the tensor.
+
+    The op checks its inputs anyway, and checks in Python would delay its first kernel by 4 µs. While torch.compile
+    traces, the op does not run.
+    """
+    if torch.compiler.is_compiling():
+        check(tensors, options)
+        return render(tensors, options)
+    try:
+        images = render(tensors, options)
+        if images[1].is_meta:  # from torch's own implementation for shapes, which checks nothing
+            raise ValueError("means: expected a tensor on the CPU or a CUDA device, found one on meta")
+        return images
+    except Exception:
+        try:
+            check(tensors, options)
+        except Exception as problem:
+            raise problem from None
+        raise
+
+
+def _check_intrinsics(name: str, tensor: Tensor, shape: tuple[int, ...]) -> None:
+    """The op takes both matrices and rows."""
+    _expect(name, tensor, shape)
     if tensor.requires_grad:
         raise NotImplementedError(f"{name}: gradients of intrinsics are not supported; pass {name}.detach()")
 
@@ -313,13 +347,6 @@ def _number(name: str, value: Any) -> float:
         raise TypeError(f"{name}: expected a number, found {value!r}") from None
 
 
-def _count(means: Tensor) -> tuple[int, ...]:
-    """The batch's shape and the number of Gaussians."""
-    if means.dim() < 2 or means.shape[-1] != 3:
-        raise ValueError(f"means: expected shape (..., N, 3), found {tuple(means.shape)}")
-    return tuple(means.shape[:-1])
-
-
 def _views(viewmats: Tensor) -> int:
     if viewmats.dim() < 3 or viewmats.shape[-3] < 1:
         raise ValueError(f"viewmats: expected shape (..., C, 4, 4) with C of at least 1, found {tuple(viewmats.shape)}")
@@ -337,6 +364,8 @@ def _check_tensors(names: tuple[str, ...], tensors: tuple[Tensor, ...]) -> None:
     for name, tensor in zip(names, tensors):
         if not isinstance(tensor, Tensor):
             raise TypeError(f"{name}: expected a tensor, found {type(tensor).__name__}")
+        if tensor.layout != torch.strided:
+            raise TypeError(f"{name}: expected a dense tensor, found {str(tensor.layout)[6:]}; call .to_dense()")
         if tensor.device != device:
             raise ValueError(f"{name}: expected a tensor on {device}, as means, found one on {tensor.device}")
         if tensor.dtype != dtype:
@@ -359,12 +388,13 @@ def _expect(name: str, tensor: Tensor, shape: tuple[int, ...]) -> None:
         raise ValueError(f"{name}: expected shape {shape}, found {tuple(tensor.shape)}")
 
 
-def _check_shapes(
-    means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, colors: Tensor, viewmats: Tensor, Ks: Tensor,
-    sh_degree: int | None,
-) -> tuple[tuple[int, ...], int]:
-    """Returns the batch's shape and the number of views."""
-    *batch, count = _count(means)
+def _check_scene(tensors: tuple[Tensor, ...], options: tuple) -> None:
+    _check_tensors(_NAMES, tensors if tensors[-1] is not None else tensors[:-1])
+    means, quats, scales, opacities, colors, viewmats, Ks, backgrounds = tensors
+    sh_degree = options[0]
+    if means.dim() < 2 or means.shape[-1] != 3:
+        raise ValueError(f"means: expected shape (..., N, 3), found {tuple(means.shape)}")
+    *batch, count, _ = means.shape
     if 0 in batch:
         raise ValueError(f"means: expected at least one scene in the batch, found shape {tuple(means.shape)}")
     views = _views(viewmats)
@@ -372,7 +402,7 @@ def _check_shapes(
     _expect("scales", scales, (*batch, count, 3))
     _expect("opacities", opacities, (*batch, count))
     _expect("viewmats", viewmats, (*batch, views, 4, 4))
-    _expect("Ks", Ks, (*batch, views, 3, 3))
+    _check_intrinsics("Ks", Ks, (*batch, views, 3, 3))
     tail = 1
     if sh_degree is not None:
         tail = 2
@@ -385,4 +415,5 @@ def _check_shapes(
             f"colors: expected {(*batch, count)} or {(*batch, views, count)} and {tail} more axes, "
             f"found {tuple(colors.shape)}"
         )
-    return tuple(batch), views
+    if backgrounds is not None:
+        _expect("backgrounds", backgrounds, (*batch, views, 3 if sh_degree is not None else colors.shape[-1]))
