@@ -7,6 +7,12 @@ W1 to W5 are bit-identical to those of `jade_bench splat`: nine views in one cal
 parameters of jade_bench, "rasterization" the function with gsplat's interface, both with gradients of all
 Gaussians and cameras. jade_bench's own figure is the backward pass from a given cotangent, which "splat" repeats;
 gsplat is timed through (image * cotangent).sum(), and "rasterization" as well.
+
+  OMP_NUM_THREADS=1 python python/jade_splat/benchmark.py --host [--repeats 300] [--json FILE]
+
+measures what the host does per call, on the CPU: one Gaussian, 16x16 px, nine views, both passes from a given
+cotangent. "ops" are the two ops without autograd; "empty function" is an autograd.Function of as many tensors that
+only allocates. Times are µs of the calling thread's processor time: least and median of batches of ten calls.
 """
 
 from __future__ import annotations
@@ -16,9 +22,10 @@ import json
 import math
 import time
 from collections.abc import Callable
+from functools import partial
 
 import torch
-from jade_splat import rasterization, splat
+from jade_splat import _ops, rasterization, splat
 from torch import Tensor
 
 SIZES = {
@@ -151,22 +158,122 @@ def ways_of(work: dict[str, Tensor], size: tuple[int, int, int]) -> dict[str, tu
     return ways
 
 
+class Empty(torch.autograd.Function):
+    """A function with as many inputs, outputs and gradients as the op, which only allocates."""
+
+    @staticmethod
+    def forward(ctx, shape, *inputs):
+        ctx.inputs = inputs
+        return torch.empty(shape), torch.empty((*shape[:1], 1, *shape[2:]))
+
+    @staticmethod
+    def backward(ctx, *_):
+        return (None, *[torch.empty_like(tensor) for tensor in ctx.inputs[:-1]], None)
+
+
+def arguments_of(name: str, call: Callable[[], None]) -> list:
+    """The arguments, detached, with which call() calls the op of _ops."""
+    op, seen = getattr(_ops, name), []
+
+    def record(*arguments):
+        seen.extend(arguments)
+        return op(*arguments)
+
+    setattr(_ops, name, record)
+    call()
+    setattr(_ops, name, op)
+
+    def detached(value):
+        if isinstance(value, (list, tuple)):
+            return [detached(item) for item in value]
+        return value.detach() if isinstance(value, Tensor) else value
+
+    return detached(seen)
+
+
+def host_ways() -> dict[str, Callable[[], None]]:
+    size = 16
+    raw = [
+        torch.tensor([[0.0, 0, 4]]), torch.tensor([[1.0, 0, 0, 0]]), torch.full((1, 3), -2.0), torch.zeros(1),
+        torch.zeros(1, 16, 3), torch.eye(4).repeat(VIEWS, 1, 1),
+    ]
+    K = torch.tensor([[20.0, 0, 8], [0, 20, 8], [0, 0, 1]]).repeat(VIEWS, 1, 1)
+    intrinsics = torch.tensor([[20.0, 20, 8, 8]]).repeat(VIEWS, 1)
+    activated = [raw[0], raw[1], raw[2].exp(), raw[3].sigmoid(), *raw[4:]]
+    leaves = [tensor.clone().requires_grad_() for tensor in raw]
+    active_leaves = [tensor.clone().requires_grad_() for tensor in activated]
+    cotangent = torch.rand((VIEWS, 3, size, size))
+    in_pixels = cotangent.permute(0, 2, 3, 1).contiguous()
+    calls = {
+        "empty function": (lambda: Empty.apply(cotangent.shape, *leaves, intrinsics)[0], leaves, cotangent),
+        "splat": (lambda: splat(*leaves, intrinsics, size, size)[0], leaves, cotangent),
+        "rasterization": (
+            lambda: rasterization(*active_leaves, K, size, size, sh_degree=3, packed=False)[0], active_leaves, in_pixels
+        ),
+    }
+
+    def without_gradients(render: Callable[[], Tensor]) -> None:
+        with torch.no_grad():
+            render()
+
+    def both(render: Callable[[], Tensor], inputs: list[Tensor], grad: Tensor) -> None:
+        for leaf in inputs:
+            leaf.grad = None
+        render().backward(grad)
+
+    def direct(op: Callable, arguments: list) -> None:
+        with torch._C._AutoDispatchBelowAutograd():
+            op(*arguments)
+
+    ways = {}
+    for name in ("forward", "backward"):
+        ways[f"ops, {name}"] = partial(direct, getattr(_ops, name), arguments_of(name, partial(both, *calls["splat"])))
+    for name, call in calls.items():
+        ways[f"{name}, no gradients"] = partial(without_gradients, call[0])
+        ways[f"{name}, forward"] = call[0]
+        ways[f"{name}, both"] = partial(both, *call)
+    return ways
+
+
+def measure_host(repeats: int) -> list[dict]:
+    """Batches of all ways take turns, so that other work on the machine affects them alike."""
+    torch.set_num_threads(1)
+    ways, batch = host_ways(), 10
+    times: dict[str, list[float]] = {name: [] for name in ways}
+    for round_ in range(repeats + 5):
+        for name, call in ways.items():
+            start = time.thread_time()
+            for _ in range(batch):
+                call()
+            if round_ >= 5:
+                times[name].append(1e6 * (time.thread_time() - start) / batch)
+    return [
+        {"way": name, "least_us": round(min(found), 1), "median_us": round(sorted(found)[len(found) // 2], 1)}
+        for name, found in times.items()
+    ]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--workload", default="W1,W2,W3,W4")
-    parser.add_argument("--repeats", type=int, default=50)
+    parser.add_argument("--repeats", type=int)
+    parser.add_argument("--host", action="store_true")
     parser.add_argument("--json")
     options = parser.parse_args()
     device = torch.device(options.device)
     rows = []
-    for name in options.workload.split(","):
+    if options.host:
+        rows = measure_host(options.repeats or 300)
+        for row in rows:
+            print(f"{row['way']:30} {row['least_us']:7.1f} µs least {row['median_us']:7.1f} µs median")
+    for name in [] if options.host else options.workload.split(","):
         if name not in SIZES:
             parser.error(f"--workload: expected names among {', '.join(SIZES)}, found {name}")
         work = {key: tensor.to(device) for key, tensor in make_workload(name).items()}
         for way, (render, inputs, backward) in ways_of(work, SIZES[name]).items():
             row = {"workload": name, "way": way, "device": str(device)}
-            row |= measure(work, SIZES[name], render, inputs, backward, options.repeats)
+            row |= measure(work, SIZES[name], render, inputs, backward, options.repeats or 50)
             rows.append(row)
             print(f"{name} {way:16} {row['forward_ms']:9.3f} ms forward {row['forward_backward_ms']:9.3f} ms both", flush=True)
     if options.json:

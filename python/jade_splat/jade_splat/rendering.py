@@ -66,19 +66,19 @@ def splat(
     if not near_plane > 0:
         raise ValueError(f"near_plane: expected more than 0, found {near_plane}")
     scalars = (
-        *(width, height, _degree(sh_degree), near_plane, _FARTHEST, _MAX_ALPHA),
-        *(False, antialiased, depth, smooth_cutoff, deterministic, False),
+        width, height, _degree(sh_degree), near_plane, _FARTHEST, _MAX_ALPHA, False, antialiased, depth, smooth_cutoff,
+        deterministic, False,
     )
     tensors = (means, quats, log_scales, logit_opacities, sh, viewmats, intrinsics)
     return _name_bad_tensors(_splat, _check_splat, tensors, scalars)
 
 
 def _splat(tensors: tuple[Tensor, ...], scalars: tuple) -> tuple[Tensor, Tensor, Tensor | None]:
-    _, _, _, _, sh, viewmats, intrinsics = tensors
-    _check_intrinsics("intrinsics", intrinsics, (viewmats.shape[0], 4))
-    width, height, degree, *others = scalars
-    degree = min(degree, _DEGREES[sh.shape[1]])
-    return _ops.render(tensors, None, (width, height, degree, *others))
+    _check_intrinsics("intrinsics", tensors[6], (tensors[5].shape[0], 4))
+    most = _DEGREES[tensors[4].shape[1]]
+    if scalars[2] > most:
+        scalars = (*scalars[:2], most, *scalars[3:])
+    return _ops.render(tensors, None, scalars)
 
 
 def _check_splat(tensors: tuple[Tensor, ...], scalars: tuple) -> None:
@@ -257,9 +257,9 @@ def _render_scene(
     far = min(far, _FARTHEST)
     passes = []
     for index, group in enumerate(groups):
+        depth = index == 0 and mode != "RGB"
         scalars = (
-            *(width, height, degree, near, far, _GSPLAT_MAX_ALPHA),
-            *(True, antialiased, index == 0 and mode != "RGB", False, deterministic, True),
+            width, height, degree, near, far, _GSPLAT_MAX_ALPHA, True, antialiased, depth, False, deterministic, True,
         )
         if per_view:
             parts = []
