@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -166,6 +167,8 @@ class Runs(unittest.TestCase):
         self.write_run()
         (self.folder / "metrics.jsonl").write_text('{"step": 1}\n{"st')
         self.expect(ValueError, "metrics.jsonl:2", lambda: jade.load_run(self.folder))
+        (self.folder / "metrics.jsonl").write_text('{"loss": 1}\n{"loss": null}\n{"loss": "low"}\n')
+        self.expect(ValueError, "metrics.jsonl:3", lambda: jade.load_run(self.folder))
         self.write_run()
         for name, content in (
             ("eval.json", b"{"), ("eval.json", b"[]"), ("eval.json", b"\xff"), ("metrics.jsonl", b"3\n"),
@@ -197,10 +200,32 @@ class Runs(unittest.TestCase):
     def test_bad_arguments_of_render(self):
         self.write_run()
         run = jade.load_run(self.folder)
-        for background in (0.5, (1, 1)):
+        for background in (0.5, (1, 1), "white", None):
             self.expect(ValueError, "background", lambda: jade.render(run, run.cameras[0], background=background))
-        camera = replace(run.cameras[0], camera_from_world=run.cameras[0].camera_from_world[:3])
-        self.expect(ValueError, "camera_from_world", lambda: jade.render(run, camera))
+        pose = run.cameras[0].camera_from_world
+        bad = [("camera_from_world", value) for value in (pose[:3], None, "turned", np.full((4, 4), np.nan))]
+        bad += [("fx", value) for value in (0, -36.0, np.inf, np.nan, "36", None)] + [("cy", np.nan), ("cx", "19")]
+        bad += [("height", -1)]
+        for name, value in bad:
+            with self.subTest(name=name, value=value):
+                self.expect(ValueError, name, lambda: jade.render(run, replace(run.cameras[0], **{name: value})))
+        learned = replace(run.cameras[0], camera_from_world=torch.from_numpy(pose).requires_grad_())
+        self.expect(NotImplementedError, "camera_from_world", lambda: jade.render(run, learned))
+        self.expect(TypeError, "camera", lambda: jade.render(run, 0))
+        self.expect(TypeError, "dict", lambda: jade.render({}, run.cameras[0]))
+        for means in (run.gaussians.means.numpy(), run.gaussians.means.long()):
+            self.expect(TypeError, "means", lambda: jade.render(replace(run.gaussians, means=means), run.cameras[0]))
+
+    def test_poses_of_any_kind(self):
+        self.write_run()
+        run = jade.load_run(self.folder)
+        pose = run.cameras[0].camera_from_world
+        expected = jade.render(run, run.cameras[0])
+        for same in (pose.tolist(), torch.from_numpy(pose)):
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                found = jade.render(run, replace(run.cameras[0], camera_from_world=same))
+            self.assertTrue(torch.equal(found, expected))
 
 
 if __name__ == "__main__":

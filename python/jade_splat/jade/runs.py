@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,17 +75,23 @@ def render(
         path = Path(scene)
         scene = load_run(path) if path.is_dir() else load_gaussians(path)
     gaussians = scene.gaussians if isinstance(scene, Run) else scene
+    if not isinstance(gaussians, Gaussians):
+        raise TypeError(f"scene: expected a Run, Gaussians or a path, found {type(scene).__name__}")
     if device is not None:
         gaussians = gaussians.to(device)
     like = gaussians.means
+    if not isinstance(like, Tensor) or not like.is_floating_point():
+        found = like.dtype if isinstance(like, Tensor) else type(like).__name__
+        raise TypeError(f"means: expected a float32 tensor, found {found}")
     # In a small scene the camera can be nearer than the usual near plane.
     spread = like.detach() - like.detach().median(0, keepdim=True).values if len(like) else like.new_ones(1, 3)
     radius = float(spread.abs().median(0).values.norm())
     # x_camera = R (x − origin) + (t + R origin), with the shift in double.
-    pose = np.array(camera.camera_from_world, np.float64)
-    if pose.shape != (4, 4):
-        raise ValueError(f"camera_from_world: expected shape (4, 4), found {pose.shape}")
-    behind = torch.as_tensor(background, dtype=like.dtype, device=like.device)
+    pose = _pose(camera)
+    try:
+        behind = torch.as_tensor(background, dtype=like.dtype, device=like.device)
+    except (TypeError, ValueError):
+        raise ValueError(f"background: expected 3 numbers, found {background!r}") from None
     if behind.shape != (3,):
         raise ValueError(f"background: expected 3 numbers, found {background!r}")
     pose[:3, 3] += pose[:3, :3] @ np.array(gaussians.origin)
@@ -102,6 +109,34 @@ def render(
         antialiased=gaussians.antialiased,
     )
     return (color + (1 - alpha) * behind[:, None, None])[0].permute(1, 2, 0)
+
+
+def _pose(camera: Camera) -> np.ndarray:
+    """camera_from_world in double. Raises TypeError or ValueError naming the member that is not usable."""
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera: expected a Camera, found {type(camera).__name__}")
+    for name, least in {"fx": 0, "fy": 0, "cx": -math.inf, "cy": -math.inf}.items():
+        value = getattr(camera, name)
+        try:
+            usable = not isinstance(value, str) and least < float(value) < math.inf
+        except (TypeError, ValueError, RuntimeError):
+            usable = False
+        if not usable:
+            raise ValueError(f"{name}: expected a {'positive' if least == 0 else 'finite'} number of px, found {value!r}")
+    matrix = camera.camera_from_world
+    if isinstance(matrix, Tensor):
+        if matrix.requires_grad:
+            raise NotImplementedError("camera_from_world: gradients of cameras are not supported; pass a detached tensor")
+        matrix = matrix.cpu().numpy()
+    try:
+        pose = np.array(matrix, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"camera_from_world: expected shape (4, 4) of numbers, found {type(matrix).__name__}") from None
+    if pose.shape != (4, 4):
+        raise ValueError(f"camera_from_world: expected shape (4, 4), found {pose.shape}")
+    if not np.isfinite(pose).all():
+        raise ValueError(f"camera_from_world: expected finite numbers, found {pose[~np.isfinite(pose)][0]}")
+    return pose
 
 
 def _json(path: Path, default: Any) -> Any:
@@ -148,4 +183,8 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
             raise ValueError(f"{path}:{number}: expected a JSON object, found {row!r}")
         rows.append(row)
     keys = {key: None for row in rows for key, value in row.items() if isinstance(value, (int, float))}
+    for number, row in enumerate(rows, 1):
+        for key in keys & row.keys():
+            if not isinstance(row[key], (int, float, type(None))):
+                raise ValueError(f"{path}:{number}: expected a number as {key}, as on other lines, found {row[key]!r}")
     return {key: np.array([row.get(key, np.nan) for row in rows], np.float64) for key in keys}
