@@ -7,6 +7,8 @@
 #include <zlib.h>
 
 #include "jade/core/error.h"
+#include "support/naming.h"
+#include "support/temp_dir.h"
 
 using namespace jade;
 
@@ -46,6 +48,29 @@ TEST_CASE("gzip: what goes in comes out, whatever its length", "[io]") {
   CHECK_THROWS_AS(io::gunzip("no gzip at all", "a"), DataError);
   CHECK_FALSE(io::is_gzip(""));
   CHECK(io::gzip(std::string(100000, 'a')).size() < 1000);
+}
+
+TEST_CASE("gzip: a plain and a compressed file are read in pieces, a damaged one is named",
+          "[io]") {
+  const test::TempDir dir;
+  std::string bytes;
+  for (size_t k = 0; k < 3000000; ++k) bytes += static_cast<char>(k * k % 251);
+  const std::string packed = io::gzip(bytes);
+  const auto whole = [](const std::filesystem::path& path) {
+    io::GzipOrPlainFile file(path);
+    std::string out, piece(1000000, '\0');
+    while (const size_t count = file.read(piece.data(), piece.size())) out.append(piece, 0, count);
+    return out;
+  };
+  CHECK(whole(dir.write("plain.txt", bytes)) == bytes);
+  CHECK(whole(dir.write("packed.gz", packed)) == bytes);
+  CHECK(whole(dir.write("empty.txt", "")).empty());
+  CHECK_THROWS_WITH(whole(dir.write("cut.gz", packed.substr(0, packed.size() / 2))),
+                    test::naming("cut.gz", "damaged"));
+  std::string spoilt = packed;
+  spoilt[packed.size() / 2] ^= 0x55;
+  CHECK_THROWS_WITH(whole(dir.write("spoilt.gz", spoilt)), test::naming("spoilt.gz", "damaged"));
+  CHECK_THROWS_AS(io::GzipOrPlainFile(dir / "missing"), DataError);
 }
 
 TEST_CASE("gzip: blocks refer to those before, and threads do not change the result", "[io]") {

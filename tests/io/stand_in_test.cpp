@@ -32,6 +32,26 @@ TEST_CASE("stand-in: what lies in place of a file is named with its remedy", "[i
   CHECK(io::stand_in("no/such/file").empty());
 }
 
+TEST_CASE("stand-in: files of each packer are named with the command that unpacks them", "[io]") {
+  const auto found = [](const std::string& head, const char* name) {
+    return io::stand_in(head, name);
+  };
+  CHECK_THAT(found("BZh91AY&SY", "events.txt.bz2"),
+             test::naming("bzip2", "bunzip2 -k events.txt.bz2"));
+  CHECK_THAT(found(std::string("\xFD"
+                               "7zXZ\0",
+                               6),
+                   "events.txt.xz"),
+             test::naming("xz", "unxz -k events.txt.xz"));
+  CHECK_THAT(found("\x28\xB5\x2F\xFD..", "events.txt.zst"),
+             test::naming("zstd", "unzstd events.txt.zst"));
+  CHECK_THAT(found("\x28\xB5\x2F\xFD..", "events.txt"), test::naming("unzstd events.txt.zst"));
+  CHECK_THAT(found("7z\xBC\xAF\x27\x1C", "a.7z"), test::naming("7z x a.7z"));
+  CHECK_THAT(found("Rar!\x1A\x07", "a.rar"), test::naming("unrar x a.rar"));
+  CHECK_THAT(found(std::string(257, 'a') + "ustar", "a.tar"), test::naming("tar xf a.tar"));
+  CHECK_THAT(found(io::gzip("tar"), "a.tar.gz"), test::naming("tar xf a.tar.gz"));
+}
+
 TEST_CASE("stand-in: readers name what lies in place of a file", "[io]") {
   const test::TempDir dir;
   const auto pointer = [&](const char* name) {

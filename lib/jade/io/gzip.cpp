@@ -90,6 +90,28 @@ std::string gunzip(std::string_view bytes, const std::string& name, size_t at_mo
   return out;
 }
 
+GzipOrPlainFile::GzipOrPlainFile(const std::filesystem::path& path) : path_(path) {
+  std::error_code error;
+  const gzFile file =
+      std::filesystem::is_directory(path, error) ? nullptr : gzopen(path.c_str(), "rb");
+  if (file == nullptr)
+    throw DataError(concat(path.string(), ": no such file, or it cannot be read"));
+  file_ = std::shared_ptr<void>(file, [](void* open) { gzclose(static_cast<gzFile>(open)); });
+  gzbuffer(file, static_cast<unsigned>(kPart));
+}
+
+size_t GzipOrPlainFile::read(char* out, size_t size) {
+  const auto file = static_cast<gzFile>(file_.get());
+  const int count = gzread(file, out, static_cast<unsigned>(size));
+  int error = Z_OK;
+  if (count < 0 || static_cast<size_t>(count) < size) gzerror(file, &error);
+  if (error == Z_OK || error == Z_STREAM_END) return static_cast<size_t>(count);
+  if (error == Z_ERRNO)
+    throw DataError(concat(path_.string(), ": the file cannot be read to its end"));
+  throw DataError(
+      concat(path_.string(), ": expected a whole gzip file, found a damaged one; copy it again"));
+}
+
 std::string gzip(const std::string& content) {
   const size_t count = std::max<size_t>(1, (content.size() + kBlock - 1) / kBlock);
   std::vector<std::string> blocks(count);

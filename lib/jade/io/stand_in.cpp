@@ -8,7 +8,6 @@
 #include <fstream>
 
 #include "jade/core/error.h"
-#include "jade/io/gzip.h"
 
 namespace jade::io {
 namespace {
@@ -33,6 +32,44 @@ bool is_utf16(std::string_view head) {
          first == std::string_view("\0{", 2);
 }
 
+struct Packer {
+  std::string_view mark;  ///< first bytes of its files
+  const char* name;
+  const char* unpack;  ///< command before the file's name
+  const char* ending;
+};
+
+constexpr Packer kPackers[] = {{"\x1f\x8b", "gzip", "gunzip -k ", ".gz"},
+                               {"BZh", "bzip2", "bunzip2 -k ", ".bz2"},
+                               {"\xFD"
+                                "7zXZ",
+                                "xz", "unxz -k ", ".xz"},
+                               {"\x28\xB5\x2F\xFD", "zstd", "unzstd ", ".zst"},
+                               {"7z\xBC\xAF", "7-Zip", "7z x ", ".7z"},
+                               {"Rar!", "RAR", "unrar x ", ".rar"}};
+
+bool has_ending(const std::string& name, std::string_view ending) {
+  return name.size() > ending.size() &&
+         name.compare(name.size() - ending.size(), ending.size(), ending) == 0;
+}
+
+/// For a file of one of kPackers, or an archive of tar; else empty.
+std::string packed(std::string_view head, const std::string& name) {
+  constexpr size_t kTarMark = 257;
+  const bool is_tar = head.size() > kTarMark && head.substr(kTarMark, 5) == "ustar";
+  const bool is_packed_tar = name.find(".tar.") != std::string::npos || has_ending(name, ".tgz");
+  for (const Packer& packer : kPackers) {
+    if (head.rfind(packer.mark, 0) != 0) continue;
+    if (is_packed_tar) break;
+    const std::string found = concat("a file that ", packer.name, " compressed; unpack it first: ");
+    return has_ending(name, packer.ending) ? concat(found, packer.unpack, name)
+                                           : concat(found, "rename it to ", name, packer.ending,
+                                                    ", then ", packer.unpack, name, packer.ending);
+  }
+  if (!is_tar && !is_packed_tar) return "";
+  return concat("an archive of tar; unpack it first: tar xf ", name);
+}
+
 }  // namespace
 
 std::string stand_in(std::string_view head, const fs::path& path) {
@@ -48,12 +85,7 @@ std::string stand_in(std::string_view head, const fs::path& path) {
     return concat("text in UTF-16; convert it to UTF-8: iconv -f UTF-16 -t UTF-8 ", name,
                   " > utf8_", name);
   }
-  if (!is_gzip(head)) return "";
-  if (path.extension() == ".gz") {
-    return concat("a file that gzip compressed; unpack it first: gunzip -k ", name);
-  }
-  return concat("a file that gzip compressed; unpack it first: rename it to ", name,
-                ".gz, then gunzip -k ", name, ".gz");
+  return packed(head, name);
 }
 
 std::string stand_in(const fs::path& path) {

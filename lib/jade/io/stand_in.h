@@ -7,9 +7,9 @@
 
 namespace jade::io {
 
-/// Recognises placeholder content of a file that was not fetched or unpacked, and text in UTF-16,
-/// and says what to do: "an empty file; …". Empty for any other content. For messages about files
-/// that cannot be read.
+/// Recognises placeholder content of a file that was not fetched or unpacked (gzip, bzip2, xz,
+/// zstd, 7-Zip, RAR, tar), and text in UTF-16, and says what to do: "an empty file; …". Empty for
+/// any other content. For messages about files that cannot be read.
 /// @param head  the first bytes of the file; 1 kB is enough
 /// @param path  the file's name for the remedy
 std::string stand_in(std::string_view head, const std::filesystem::path& path);

@@ -52,6 +52,13 @@ void for_each_part(zip_t* archive, const std::string& name, const std::string& l
 
 }  // namespace
 
+bool is_zip(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  char head[4] = {};
+  file.read(head, sizeof head);
+  return file && std::string(head, sizeof head) == "PK\x03\x04";
+}
+
 Zip::Zip(const std::filesystem::path& path, const ZipWords& words) : path_(path), words_(words) {
   const OpenZip archive = open_zip(path, words);
   const zip_int64_t count = zip_get_num_entries(archive.get(), 0);

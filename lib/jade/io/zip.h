@@ -14,6 +14,9 @@ struct ZipWords {
   std::string remedy = "copy it again";
 };
 
+/// Whether a file begins like a zip archive. False for one that cannot be read.
+bool is_zip(const std::filesystem::path& path);
+
 /// A zip archive open for reading. Entries are decompressed on request, in steps, so that memory
 /// grows with the actual content rather than the size that the archive claims.
 class Zip {
