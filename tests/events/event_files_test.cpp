@@ -11,6 +11,7 @@
 
 #include "jade/core/error.h"
 #include "jade/events/event_group.h"
+#include "jade/io/gzip.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
 #include "support/naming.h"
@@ -626,7 +627,17 @@ TEST_CASE("event files: compressed lists and other polarities say what to do", "
   const TempDir dir;
   std::ofstream(dir / "a.txt.gz") << "\x1f\x8b\x08";
   CHECK_THAT(message_of([&] { read_events(dir / "a.txt.gz"); }),
-             jade::test::naming("gzip", "gunzip -k a.txt.gz"));
+             jade::test::naming("a.txt.gz", "damaged"));
+  std::ofstream(dir / "a.npy.gz") << "\x1f\x8b\x08";
+  CHECK_THAT(message_of([&] { read_events(dir / "a.npy.gz"); }),
+             jade::test::naming("gzip", "gunzip -k a.npy.gz"));
+  std::ofstream(dir / "a.txt.xz") << "\xFD"
+                                     "7zXZ";
+  CHECK_THAT(message_of([&] { read_events(dir / "a.txt.xz"); }),
+             jade::test::naming("unxz -k a.txt.xz"));
+  std::ofstream(dir / "b.txt.gz") << jade::io::gzip("100 1 2 1\n200 1 2 0\n");
+  CHECK(
+      read_events(dir / "b.txt.gz").events.t_us().equal(torch::tensor({100, 200}, torch::kInt64)));
   write_h5<float, int64_t>(dir / "two.h5", kX, kY, kT, {1, 2, 2, 1});
   CHECK_THAT(message_of([&] { read_events(dir / "two.h5"); }),
              jade::test::naming("from 1 to 2", "store 1 for brighter"));
@@ -634,4 +645,81 @@ TEST_CASE("event files: compressed lists and other polarities say what to do", "
   CHECK_THAT(
       message_of([&] { read_events(dir / "cut.txt"); }),
       jade::test::naming("cut.txt:3", "expected 4 numbers", "found 1", "complete or remove"));
+}
+
+namespace {
+
+/// 400 events 25 us apart, of which these are moved by a span.
+std::vector<int64_t> with_moved(const std::vector<size_t>& moved, int64_t by_us,
+                                int64_t scale = 1) {
+  std::vector<int64_t> t;
+  for (int64_t i = 0; i < 400; ++i) t.push_back(scale * (5000000 + 25 * i));
+  for (const size_t i : moved) t[i] += scale * by_us;
+  return t;
+}
+
+}  // namespace
+
+TEST_CASE("event files: a few events far from all others are left out with a warning", "[events]") {
+  const TempDir dir;
+  const std::vector<float> place(400, 3);
+  std::vector<int8_t> p;
+  for (int i = 0; i < 400; ++i) p.push_back(int8_t(i % 2));
+  const int64_t hour = 3600000000;
+  const auto read = [&](const std::vector<int64_t>& t, const EventFileOptions& options) {
+    write_h5<float, int64_t>(dir / "a.h5", place, place, t, p);
+    return read_events(dir / "a.h5", options);
+  };
+  const auto warned = [](const EventFileResult& result) {
+    std::string all;
+    for (const std::string& line : result.warnings) all += line + "\n";
+    return all;
+  };
+  EventFileOptions plain, exposures, kept;
+  exposures.exposures = kept.exposures = TimeWindow{5000000, 5010000};
+  kept.keep = std::vector<TimeWindow>{{0, 10000000}};
+  for (const auto& options : {plain, exposures, kept}) {
+    for (const auto& moved : {std::vector<size_t>{399}, {200}, {0, 7, 399}}) {
+      const auto result = read(with_moved(moved, hour), options);
+      CHECK(result.time_unit == TimeUnit::kUs);
+      CHECK(result.events.size() == int64_t(400 - moved.size()));
+      CHECK(result.stored == result.events.size());
+      CHECK(result.stored_us.duration_us() <= 10000);
+      CHECK_THAT(warned(result), jade::test::naming("left out"));
+    }
+  }
+  const auto early = read(with_moved({0}, -hour), plain);
+  CHECK(early.events.size() == 399);
+  CHECK_THAT(warned(early), jade::test::naming("1 event", "1 before"));
+  // A pause is no damage, nor are many events.
+  CHECK(read(with_moved({399}, 5000000), plain).events.size() == 400);
+  std::vector<size_t> many;
+  for (size_t i = 380; i < 400; ++i) many.push_back(i);
+  CHECK(read(with_moved(many, hour), plain).events.size() == 400);
+}
+
+TEST_CASE("event files: beside frames, whole ns from 0 are read as ns with a warning", "[events]") {
+  const TempDir dir;
+  const std::vector<float> place(400, 3);
+  std::vector<int8_t> p;
+  std::vector<int64_t> us, ns;
+  for (int64_t i = 0; i < 400; ++i) {
+    p.push_back(int8_t(i % 2)), us.push_back(25 * i), ns.push_back(25000 * i);
+  }
+  write_h5<float, int64_t>(dir / "us.h5", place, place, us, p);
+  write_h5<float, int64_t>(dir / "ns.h5", place, place, ns, p);
+  EventFileOptions options;
+  options.frames = TimeWindow{1000, 9000};
+  const auto as_ns = read_events(dir / "ns.h5", options);
+  CHECK(as_ns.time_unit == TimeUnit::kNs);
+  CHECK(as_ns.events.last_us() == 25 * 399);
+  REQUIRE(as_ns.warnings.size() == 1);
+  CHECK_THAT(as_ns.warnings[0], jade::test::naming("ns.h5", "nanoseconds"));
+  const auto as_us = read_events(dir / "us.h5", options);
+  CHECK(as_us.time_unit == TimeUnit::kUs);
+  CHECK(as_us.warnings.empty());
+  // Frames with a clock of their own say nothing.
+  options.frames = TimeWindow{900000000, 908000000};
+  CHECK(read_events(dir / "us.h5", options).time_unit == TimeUnit::kUs);
+  CHECK(read_events(dir / "ns.h5", options).time_unit == TimeUnit::kUs);
 }

@@ -119,3 +119,18 @@ TEST_CASE("time unit: whole microseconds, of nanoseconds since 1970 too", "[even
   CHECK_THROWS_AS(times_us(torch::zeros({2, 2}), TimeUnit::kUs, "t"), jade::DataError);
   CHECK_THROWS_AS(us_per_unit(TimeUnit::kAuto), jade::ContractError);
 }
+
+TEST_CASE("time unit: beside frames, the unit of a camera's rate that covers them", "[events]") {
+  const TimeWindow frames{0, 2000000};
+  const auto unit = [&](double last, bool fraction, int64_t count) {
+    return unit_beside_frames(0, last, fraction, count, frames);
+  };
+  CHECK(unit(2e6, false, 1000000) == TimeUnit::kUs);
+  CHECK(unit(2e9, false, 1000000) == TimeUnit::kNs);
+  CHECK(unit(2000, false, 1000000) == TimeUnit::kMs);
+  CHECK(unit(2, true, 1000000) == TimeUnit::kS);
+  CHECK(unit(2e6, true, 1000000) == TimeUnit::kUs);
+  // 33 minutes of events with 2 s of frames, by their rate.
+  CHECK(unit(2e9, false, 1000000000) == TimeUnit::kUs);
+  CHECK(unit(2e9, false, 50) == TimeUnit::kUs);
+}

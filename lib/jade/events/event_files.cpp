@@ -16,6 +16,7 @@
 #include "jade/events/raw_events.h"
 #include "jade/events/stream_faults.h"
 #include "jade/events/time_faults.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::events {
 namespace {
@@ -24,6 +25,15 @@ namespace {
 constexpr ImageSize kAnySize{int64_t(1) << 40, int64_t(1) << 40};
 
 enum class EventFileKind { kHdf5, kNpz, kNpy, kText };
+
+/// Whether the name is that of text, which gzip may have compressed.
+bool is_list_of_text(std::filesystem::path name) {
+  if (name.extension() == ".gz") name.replace_extension();
+  std::string ending = name.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  return ending == ".txt" || ending == ".csv" || ending == ".tsv";
+}
 
 /// Recognised by its first bytes, because data sets use several extensions for one format; text by
 /// its extension.
@@ -39,13 +49,9 @@ EventFileKind file_kind(const std::filesystem::path& path) {
   if (ending == ".h5" || ending == ".hdf5" || starts("\x89HDF")) return EventFileKind::kHdf5;
   if (ending == ".npz" || starts("PK\x03\x04")) return EventFileKind::kNpz;
   if (ending == ".npy" || starts("\x93NUMPY")) return EventFileKind::kNpy;
-  if (ending == ".txt" || ending == ".csv" || ending == ".tsv") return EventFileKind::kText;
-  if (starts("\x1f\x8b")) {
-    throw DataError(concat(path.string(),
-                           ": expected a list of events, found one that gzip compressed; unpack it "
-                           "first: gunzip -k ",
-                           path.filename().string()));
-  }
+  if (is_list_of_text(path)) return EventFileKind::kText;
+  if (const std::string other = io::stand_in(path); !other.empty())
+    throw DataError(concat(path.string(), ": expected a list of events, found ", other));
   throw DataError(concat(path.string(),
                          ": expected a list of events named .h5, .hdf5, .npz, .npy, .txt or .csv, "
                          "found '",
@@ -102,7 +108,33 @@ struct TimeRange {
   double first = std::numeric_limits<double>::infinity();
   double last = -std::numeric_limits<double>::infinity();
   bool has_fraction = false;
+  int64_t count = 0;
+  double usual_first = 0, usual_last = 0;  ///< from which the unit is guessed
+
+  /// Takes the range of all times but a hundredth at either end, which may be damaged, if it is
+  /// less than half of the whole.
+  void set_usual(double begin, double end) {
+    const bool is_less = last - first > 2 * (end - begin);
+    usual_first = is_less ? begin : first;
+    usual_last = is_less ? end : last;
+  }
 };
+
+constexpr int64_t kTrimmed = 100;        // one in this many times
+constexpr int64_t kFewestTrimmed = 200;  // times
+
+/// Sets the usual range from a sample of the times.
+void set_usual(const torch::Tensor& time, TimeRange& range) {
+  constexpr int64_t kSample = 4096;
+  const int64_t count = std::min(time.numel(), kSample);
+  if (count < kFewestTrimmed) return range.set_usual(range.first, range.last);
+  const torch::Tensor places = torch::linspace(0, double(time.numel() - 1), count, torch::kFloat64)
+                                   .round()
+                                   .to(torch::kInt64);
+  const torch::Tensor sample = std::get<0>(time.index_select(0, places).to(torch::kFloat64).sort());
+  range.set_usual(sample[count / kTrimmed].item<double>(),
+                  sample[count - 1 - count / kTrimmed].item<double>());
+}
 
 /// @throws DataError for times that an int64 cannot hold, such as negative times stored as uint64.
 void check_range(const std::filesystem::path& path, double first, double last) {
@@ -128,6 +160,8 @@ TimeRange range_of(const std::filesystem::path& path, const torch::Tensor& time)
     out.has_fraction =
         std::any_of(t, t + time.numel(), [](double v) { return v != std::floor(v); });
   }
+  out.count = time.numel();
+  set_usual(time, out);
   return out;
 }
 
@@ -221,14 +255,24 @@ void tell_repeated(const std::filesystem::path& path, EventFileResult& result) {
       "if the file was joined of parts that overlap, keep each event once"));
 }
 
+const char* name_of(TimeUnit unit) {
+  return unit == TimeUnit::kS    ? "seconds"
+         : unit == TimeUnit::kMs ? "milliseconds"
+         : unit == TimeUnit::kNs ? "nanoseconds"
+                                 : "microseconds";
+}
+
 /// @param said  unit in the name of the file's times
 TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range, TimeUnit said,
                      const EventFileOptions& options) {
   if (options.time_unit != TimeUnit::kAuto) return options.time_unit;
   if (said != TimeUnit::kAuto) return said;
   if (range.first > range.last) return TimeUnit::kUs;
+  const double first = range.usual_first, last = range.usual_last;
+  if (!options.exposures && options.frames)
+    return unit_beside_frames(first, last, range.has_fraction, range.count, *options.frames);
   const std::optional<TimeUnit> unit =
-      guess_time_unit(range.first, range.last, range.has_fraction, options.exposures);
+      guess_time_unit(first, last, range.has_fraction, options.exposures);
   if (unit) return *unit;
   throw two_clocks(path, range.first, range.last, *options.exposures,
                    "the two clocks do not overlap in us, ns, ms or s");
@@ -242,13 +286,25 @@ std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const H
   const bool ordered = survey.sorted() && survey.finite() && survey.count() > 0;
   std::vector<Stretch> stretches{{0, survey.count()}};
   if (ordered) {
-    const TimeUnit unit = chosen_unit(
-        path, {survey.smallest(), survey.largest(), survey.has_fraction()}, file.unit(), options);
+    const int64_t count = survey.count();
+    const int64_t trimmed = count < kFewestTrimmed ? 0 : count / kTrimmed;
+    const auto at = [&](int64_t i) { return survey.times({i, i + 1}).front(); };
+    TimeRange range{survey.smallest(), survey.largest(), survey.has_fraction(), count};
+    range.set_usual(at(trimmed), at(count - 1 - trimmed));
+    const TimeUnit unit = chosen_unit(path, range, file.unit(), options);
     check_range(path, survey.smallest(), survey.largest());
     check_resolution(path, survey.smallest(), survey.largest(), survey.count(), file.time_bits(),
                      unit);
-    result.stored_us = {std::llround(survey.smallest() / in_unit(1, unit)),
-                        std::llround(survey.largest() / in_unit(1, unit)) + 1};
+    const int64_t some = std::min(count, kMostStrays + 1);
+    const Stretch usual =
+        without_strays(count, survey.times({0, some}), survey.times({count - some, count}),
+                       in_unit(1000000, unit));
+    if (std::string strays = strays_warning(usual, count); !strays.empty())
+      result.warnings.push_back(concat(path.string(), ": ", strays));
+    result.stored = usual.size();
+    result.stored_us = {std::llround(at(usual.begin) / in_unit(1, unit)),
+                        std::llround(at(usual.end - 1) / in_unit(1, unit)) + 1};
+    stretches = {usual};
     // Other units are rounded when converted to µs.
     const int64_t more_us = unit == TimeUnit::kUs && !survey.has_fraction() ? 0 : 1;
     if (options.keep) stretches.clear();
@@ -389,10 +445,14 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   if (options.time_unit == TimeUnit::kAuto && raw.unit == TimeUnit::kAuto) {
     const std::string doubt = milliseconds_warning(path, raw.time, result.time_unit);
     if (!doubt.empty()) result.warnings.push_back(doubt);
-    if (result.time_unit == TimeUnit::kMs) {
-      result.warnings.push_back(concat(path.string(),
-                                       ": event times are read as milliseconds, the only unit in "
-                                       "which they cover the exposures"));
+    const std::optional<TimeUnit> usual =
+        guess_time_unit(range.usual_first, range.usual_last, range.has_fraction, std::nullopt);
+    if (result.time_unit == TimeUnit::kMs ||
+        (!options.exposures && result.time_unit != usual && range.count > 0)) {
+      result.warnings.push_back(concat(path.string(), ": event times are read as ",
+                                       name_of(result.time_unit),
+                                       ", the only unit in which they cover the frames; if they ",
+                                       "have another, name it in the column: t_us"));
     }
   }
   if (raw.time.numel() > 0) {
@@ -413,6 +473,10 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   } else {
     result.events = EventStream(raw.x, raw.y, raw.time, raw.polarity);
   }
+  const int64_t all_read = result.events.size();
+  if (std::string strays = drop_strays(result.events); !strays.empty())
+    result.warnings.push_back(concat(path.string(), ": ", strays));
+  result.stored -= all_read - result.events.size();
   if (result.stored_us.duration_us() == 0 && !result.events.empty()) {
     result.stored_us = {result.events.first_us(), result.events.last_us() + 1};
   }

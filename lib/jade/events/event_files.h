@@ -26,6 +26,8 @@ struct EventFileOptions {
   /// Bytes that the caller will need per kept event; if all need more than 0.7 of the machine's
   /// memory, throws before reading. 0: no check.
   double event_bytes = 0;
+  /// Without `exposures`: from the first frame to the last, in µs by a clock that may be another.
+  std::optional<TimeWindow> frames = std::nullopt;
 };
 
 struct EventFileResult {
@@ -33,7 +35,7 @@ struct EventFileResult {
   TimeUnit time_unit = TimeUnit::kUs;  ///< as found in the file, never kAuto
   EventProblems problems;              ///< outside and touching_edge only if a size was given
   bool was_unsorted = false;           ///< times were not in order and have been sorted
-  int64_t stored = 0;                  ///< events of the file, kept or not
+  int64_t stored = 0;                  ///< events of the file without strays, kept or not
   TimeWindow stored_us;                ///< times of the first and last of these events, inclusive
   std::vector<std::string> warnings;   ///< one line each, naming the path
 };
@@ -64,9 +66,10 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 ///   .npy        [N,4], columns t x y p or x y t p: of the first and the third, the one that never
 ///               decreases is time; if both or neither do, the larger
 ///   .txt .csv   one line "t x y p" per event, blanks or commas; lines of '#' and one header line
-///               are skipped
+///               are skipped; also compressed, .txt.gz
 /// Polarity is 0/1 or −1/+1. Times are stored in µs, rounded down from ns. Unsorted times are
-/// sorted stably, with a warning; duplicates are kept. Events with NaN coordinates or outside the
+/// sorted stably, with a warning; duplicates are kept. A few events far from all others are left
+/// out, with a warning. Events with NaN coordinates or outside the
 /// image stay in the stream, with a warning; counts ignore them.
 /// @throws DataError naming the path: missing or damaged files, arrays that are missing or of
 ///   different lengths, other polarities, times that are NaN or overlap no exposure in any unit.

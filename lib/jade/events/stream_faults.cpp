@@ -7,6 +7,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/events/time_faults.h"
 
 namespace jade::events {
 namespace {
@@ -39,6 +40,16 @@ std::string polarity_fault(const EventStream& events) {
   return concat(up, " of ", all, " events are of getting brighter, ", all - up,
                 " of getting darker; expected some of both: 1 and 0, or 1 and -1. Does the file "
                 "hold one polarity only?");
+}
+
+std::string drop_strays(EventStream& events) {
+  constexpr double kSecondUs = 1e6;
+  const int64_t* const t = events.t_us().const_data_ptr<int64_t>();
+  const int64_t all = events.size(), some = std::min(all, kMostStrays + 1);
+  const Stretch kept = without_strays(all, std::vector<double>(t, t + some),
+                                      std::vector<double>(t + all - some, t + all), kSecondUs);
+  if (kept.size() < all) events = events.range(kept.begin, kept.end);
+  return strays_warning(kept, all);
 }
 
 std::string resolution_fault(const EventStream& events) {

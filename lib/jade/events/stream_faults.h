@@ -14,6 +14,10 @@ namespace jade::events {
 /// pixels get darker about as often as brighter. Empty otherwise.
 std::string polarity_fault(const EventStream& events);
 
+/// Leaves out a few events at either end that a pause longer than all the rest, and than 10 s,
+/// parts from it, and returns a warning; empty if there are none.
+std::string drop_strays(EventStream& events);
+
 /// A fault of event times that lost digits: many events share each of the distinct times, half of
 /// which or more are 0.5 ms or more apart. Empty otherwise.
 std::string resolution_fault(const EventStream& events);

@@ -14,6 +14,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/events/columns.h"
 #include "jade/events/raw_events.h"
+#include "jade/io/gzip.h"
 #include "jade/io/stand_in.h"
 
 namespace jade::events {
@@ -24,23 +25,24 @@ constexpr const char* kNameColumns = "name the columns in a first line such as \
 constexpr int kMostColumns = 16;
 using Numbers = std::array<double, kMostColumns>;
 
-/// Calls `line` with each line of a file, which is read in pieces.
+/// Calls `line` with each line of a file, plain or compressed by gzip, which is read in pieces.
 template <class Line>
 void for_each_line(const std::filesystem::path& path, const Line& line) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
+  if (!std::ifstream(path, std::ios::binary)) {
     const std::string other = io::stand_in(path);
     throw DataError(concat(path.string(), other.empty() ? ": no such event file"
                                                         : ": expected events, found " + other));
   }
+  io::GzipOrPlainFile file(path);
   std::string text;
   size_t rest = 0;  // of a line that began in the previous piece
   char line_end = '\0';
-  while (file) {
+  for (bool is_end = false; !is_end;) {
     throw_if_interrupted();
     text.resize(rest + kTextAtOnce);
-    file.read(text.data() + rest, std::streamsize(kTextAtOnce));
-    text.resize(rest + size_t(file.gcount()));
+    const size_t count = file.read(text.data() + rest, kTextAtOnce);
+    is_end = count < kTextAtOnce;
+    text.resize(rest + count);
     if (line_end == '\0') {
       // Old spreadsheets end lines with CR alone.
       const bool cr_only =
@@ -56,7 +58,6 @@ void for_each_line(const std::filesystem::path& path, const Line& line) {
     rest = size_t(stop - begin);
     text.erase(0, text.size() - rest);
   }
-  if (!file.eof()) throw DataError(concat(path.string(), ": the file cannot be read to its end"));
   if (rest > 0) line(text.data(), text.data() + rest);
 }
 

@@ -144,6 +144,31 @@ std::string milliseconds_warning(const std::filesystem::path& path, const torch:
                 " look like times in milliseconds; if they are, name that column t_ms");
 }
 
+Stretch without_strays(int64_t count, const std::vector<double>& head,
+                       const std::vector<double>& tail, double second) {
+  constexpr int64_t kTelling = 100, kRarest = 1000, kLeast = 3;
+  constexpr double kLongS = 10;
+  Stretch kept{0, count};
+  if (count < kTelling) return kept;
+  const auto most = size_t(std::clamp(count / kRarest, kLeast, kMostStrays));
+  const auto from_end = [&](size_t i) { return tail[tail.size() - 1 - i]; };
+  const double pause = std::max(from_end(most) - head[most], kLongS * second);
+  for (size_t i = 0; i < most; ++i) {
+    if (head[i + 1] - head[i] > pause) kept.begin = int64_t(i) + 1;
+    if (from_end(i) - from_end(i + 1) > pause) kept.end = count - 1 - int64_t(i);
+  }
+  return kept;
+}
+
+std::string strays_warning(const Stretch& kept, int64_t count) {
+  const int64_t strays = count - kept.size();
+  if (strays == 0) return "";
+  return concat("expected one recording, found ", strays, strays == 1 ? " event" : " events",
+                " far from the other ", kept.size(), " (", kept.begin, " before, ",
+                count - kept.end, " after), as damaged times cause; ",
+                strays == 1 ? "it is" : "they are", " left out");
+}
+
 std::string lone_event_warning(const std::filesystem::path& path, const torch::Tensor& t_us,
                                bool was_sorted) {
   constexpr double kDayUs = 86400e6, kLongUs = 600e6, kNearlyAll = 0.9;

@@ -6,7 +6,9 @@
 #include <filesystem>
 #include <string>
 #include <torch/types.h>
+#include <vector>
 
+#include "jade/events/time_survey.h"
 #include "jade/events/time_unit.h"
 
 namespace jade::events {
@@ -44,6 +46,20 @@ void check_digits(const std::filesystem::path& path, const torch::Tensor& time, 
 /// @param time  float64 or int64 [N], as stored
 std::string milliseconds_warning(const std::filesystem::path& path, const torch::Tensor& time,
                                  TimeUnit guessed);
+
+/// The most times that without_strays() leaves out at either end.
+constexpr int64_t kMostStrays = 100;
+
+/// The positions of sorted times without strays: one time in a thousand or fewer at either end (at
+/// least 3, at most kMostStrays) that a pause longer than all the rest and than 10 s parts from it.
+/// All of fewer than 100 times.
+/// @param head,tail  the first and last kMostStrays + 1 times, or all, in any unit
+/// @param second     length of a second in that unit
+Stretch without_strays(int64_t count, const std::vector<double>& head,
+                       const std::vector<double>& tail, double second);
+
+/// A warning that these many of `count` times are left out as strays; empty if none are.
+std::string strays_warning(const Stretch& kept, int64_t count);
 
 /// A warning if a single gap is nearly all of the time between the first and the last event, as one
 /// damaged time causes; else empty.

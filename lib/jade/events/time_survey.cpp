@@ -54,6 +54,12 @@ int64_t TimeSurvey::first_at_or_after(double time) const {
   return begin + (std::lower_bound(times.begin(), times.end(), time) - times.begin());
 }
 
+std::vector<double> TimeSurvey::times(const Stretch& positions) const {
+  std::vector<double> out(size_t(positions.size()));
+  read_(positions.begin, positions.size(), out.data());
+  return out;
+}
+
 Stretch TimeSurvey::between(double begin, double end) const {
   const int64_t from = first_at_or_after(begin);
   return {from, std::max(from, first_at_or_after(end))};

@@ -34,6 +34,9 @@ class TimeSurvey {
   bool has_fraction() const { return has_fraction_; }
   bool sorted() const { return sorted_; }
 
+  /// Reads the times at these positions.
+  std::vector<double> times(const Stretch& positions) const;
+
   /// Stretch of times with begin ≤ t < end. Sorted lists only.
   Stretch between(double begin, double end) const;
 

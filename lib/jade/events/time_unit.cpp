@@ -122,6 +122,24 @@ std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_frac
   return best;
 }
 
+TimeUnit unit_beside_frames(double first, double last, bool has_fraction, int64_t count,
+                            const TimeWindow& frames) {
+  constexpr double kPoor = 0.1, kGood = 0.5;
+  constexpr int64_t kTelling = 100;
+  constexpr double kSlow = 1e4, kSlowest = 1e3, kFastest = 1e8;  // events per second
+  const auto usual = *guess_time_unit(first, last, has_fraction, std::nullopt);
+  const auto best = guess_time_unit(first, last, has_fraction, frames);
+  if (!best || *best == usual || count < kTelling || !(last > first)) return usual;
+  const auto match = [&](TimeUnit unit) { return match_of(unit, first, last, frames); };
+  const auto rate = [&](TimeUnit unit) {
+    return 1e6 * double(count) / ((last - first) * us_per_unit(unit));
+  };
+  const bool covers = match(*best) > kGood && match(usual) < kPoor;
+  const bool odd = rate(usual) < kSlow || rate(usual) > kFastest;
+  const bool ordinary = rate(*best) >= kSlowest && rate(*best) <= kFastest;
+  return covers && odd && ordinary ? *best : usual;
+}
+
 TimeUnit guess_exposure_unit(const torch::Tensor& start, const torch::Tensor& end,
                              const std::string& name, const std::string& mend) {
   if (is_only_ns(start)) return TimeUnit::kNs;

@@ -49,6 +49,12 @@ double us_per_unit(TimeUnit unit);
 std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
                                         const std::optional<TimeWindow>& exposures);
 
+/// The unit of event times beside frames that may have another clock: as guess_time_unit() without
+/// exposures, unless the events cover the frames in another unit only, in which `count` of them
+/// have the rate of a camera, and in the usual one they have not.
+TimeUnit unit_beside_frames(double first, double last, bool has_fraction, int64_t count,
+                            const TimeWindow& frames);
+
 /// The unit of exposure times: the one in which the median non-zero length is between 10 µs and 5
 /// s, tried in the order µs, ns, s; µs not if is_too_slow(). Seconds must be floating point. If no
 /// exposure has a length, floating point means seconds, unless no time has a fraction and times are
