@@ -66,7 +66,7 @@ def longest(parts, out):
     best = max(parts, key=lambda part: part[2])
     if len(parts) > 1:
         share = best[2] / max(sum(part[2] for part in parts), 1)
-        out.notes.append(f"the camera's clock was reset {len(parts) - 1} times; only the longest part is read, {share:.0%} of all")
+        out.warnings.append(f"the camera's clock was reset {len(parts) - 1} times; only the longest part is read, {share:.0%} of all")
     return best[:2]
 
 
@@ -141,11 +141,11 @@ class Packets:
             elif packet.kind > LAST_KNOWN_TYPE:
                 unknown[packet.kind] += 1
         if whole < self.size:
-            self.out.notes.append(cut_short(self.size - whole))
+            self.out.warnings.append(cut_short(self.size - whole))
         if not counts:
             raise ValueError("expected packets of events or frames, found none; record it again")
         if unknown:
-            self.out.notes.append("packets of unknown types are left out: " +
+            self.out.warnings.append("packets of unknown types are left out: " +
                                   ", ".join(f"{count} of type {kind}" for kind, count in sorted(unknown.items())))
         # A camera with both comes first, then the one with the most events.
         source = max(sorted(counts), key=lambda number: (min(counts[number]) > 0, counts[number][0]))
@@ -172,9 +172,9 @@ class Packets:
                 for at in range(0, len(data), packet.size):
                     self.frame(data[at:at + packet.size], packet.epoch_us)
         if self.invalid:
-            self.out.notes.append(f"{self.invalid} events or frames are marked invalid and left out")
+            self.out.warnings.append(f"{self.invalid} events or frames are marked invalid and left out")
         if self.regions:
-            self.out.notes.append(f"{self.regions} frames show a part of the sensor only and are left out")
+            self.out.warnings.append(f"{self.regions} frames show a part of the sensor only and are left out")
 
     def frame(self, data, epoch_us):
         head = np.frombuffer(data, FRAME, 1)[0]
@@ -224,7 +224,7 @@ class Records:
         out.size = SIZES[camera[1]]
         count, rest = divmod(size - file.tell(), RECORD.itemsize)
         if rest:
-            out.notes.append(cut_short(rest))
+            out.warnings.append(cut_short(rest))
         if count == 0:
             raise ValueError("expected events behind the header, found none; record it again")
         self.records = np.memmap(path, RECORD, "r", file.tell(), count)
@@ -290,11 +290,11 @@ class Records:
         self.tell()
 
     def tell(self):
-        notes = self.out.notes
+        notes, warnings = self.out.notes, self.out.warnings
         if self.wraps:
             notes.append(f"the time counter wraps {self.wraps} times and is continued")
         if self.beside:
-            notes.append(f"{self.beside} events lie beside the sensor and are left out")
+            warnings.append(f"{self.beside} events lie beside the sensor and are left out")
         if self.mosaics:
             notes.append("frames of a colour sensor are not read from AEDAT 2.0; for frames " + CONVERT)
 
@@ -361,7 +361,7 @@ class Readout:
             self.frame(self.word, self.t)
         notes = self.out.notes
         if self.lacking:
-            notes.append(f"{self.lacking} frames lack reads of pixels and are left out")
+            self.out.warnings.append(f"{self.lacking} frames lack reads of pixels and are left out")
         if self.rolling:
             notes.append(f"{self.rolling} frames have a rolling shutter: their times are those of the middle column, the first "
                          f"and the last differ by {self.skew_us} us")

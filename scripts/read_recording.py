@@ -10,7 +10,7 @@ scripts/setup.sh --import installs its requirements.
 FOLDER gets events.h5 (x, y, t in microseconds, p) or, for packets in Prophesee's encodings, events.raw as the
 sensor sent them; images/*.png with exposures.csv (name,start_us,end_us: equal if the recording does not contain
 the exposure time); triggers.csv (t_us,rising), camera_info.yaml (of a bag that has one for the camera) and
-recording.txt ("key value": format, width, height, stamp, offset_us of events and triggers, note).
+recording.txt ("key value": format, width, height, stamp, offset_us of events and triggers, note, warning).
 
 Supports AEDAT4 (packages aedat or dv-processing), AEDAT 3.1 and 2.0 (aedat_legacy.py), and ROS 1 and ROS 2 bags
 (package rosbags) with dvs_msgs or prophesee_event_msgs EventArray, event_camera_msgs EventPacket (evt3, evt21,
@@ -72,7 +72,7 @@ class Output:
         self.size = None
         self.stamp = "middle"
         self.offset_us = 0
-        self.notes = []
+        self.notes, self.warnings = [], []
         self.exposures, self.edges = [], []
         self.writer = self.h5 = self.raw = self.encoding = None
         self.event_count = 0
@@ -126,7 +126,7 @@ class Output:
         lines = [f"format {self.form}", f"stamp {self.stamp}", f"offset_us {self.offset_us}"]
         if self.size:
             lines += [f"width {self.size[0]}", f"height {self.size[1]}"]
-        lines += [f"note {note}" for note in self.notes]
+        lines += [f"note {note}" for note in self.notes] + [f"warning {fault}" for fault in self.warnings]
         (self.folder / "recording.txt").write_text("\n".join(lines) + "\n")
 
 
@@ -426,7 +426,7 @@ class BagReader:
             return
         text = camera_info_text(self.infos[rooms[0]])
         if text is None:
-            self.out.notes.append(f"camera_info of {rooms[0] or '/'} holds no calibration (its matrix is zero)")
+            self.out.warnings.append(f"camera_info of {rooms[0] or '/'} holds no calibration (its matrix is zero)")
             return
         (self.out.folder / "camera_info.yaml").write_text(text)
 

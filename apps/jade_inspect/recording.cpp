@@ -139,7 +139,8 @@ void print_recording(const Recording& r, const RecordingNumbers& n, const std::s
   }
   if (r.calibration) std::printf("calibration %s\n", r.calibration->name.c_str());
   std::printf("poses       none: a recording, no data set yet\n");
-  if (!r.notes.empty()) std::printf("\n");
+  if (!r.notes.empty() || !r.warnings.empty()) std::printf("\n");
+  for (const std::string& warning : r.warnings) std::printf("warning     %s\n", warning.c_str());
   for (const std::string& note : r.notes) std::printf("note        %s\n", note.c_str());
   if (!next.empty()) std::printf("\nnext        %s\n", next.c_str());
 }
@@ -168,6 +169,7 @@ nlohmann::json to_json(const Recording& r, const RecordingNumbers& n, const std:
           {"falling_us", r.triggers.falling_us},
           {"calibration", r.calibration ? r.calibration->name : ""},
           {"notes", r.notes},
+          {"warnings", r.warnings},
           {"next", next}};
 }
 

@@ -5,9 +5,11 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/data/dataset.h"
+#include "jade/imaging/image_io.h"
 #include "jade/import/colmap.h"
 #include "jade/recording/python.h"
 #include "support/naming.h"
@@ -131,4 +133,23 @@ TEST_CASE("jade_import: bad input is one line each", "[apps]") {
   test::write_tiny_dataset(dir / "more");
   fs::copy(dir / "more/events.h5", dir / "three/events.h5");
   check_error(import("three"), 3, "three", "frames");
+}
+
+TEST_CASE("jade_import: --quiet hides notes, not warnings of wrong input", "[apps]") {
+  const test::TempDir dir;
+  std::string events;
+  for (int i = 0; i < 400; ++i)
+    events += concat(1e-4 * i, " ", i % 32, " ", i % 24, " ", i % 2, "\n");
+  dir.write("rpg/events.txt", events);
+  dir.write("rpg/poses.txt", "");
+  dir.write("rpg/images.txt", "0.01 images/a.png\n0.03 images/b.png\n0.05 images/lost.png\n");
+  for (const char* name : {"a.png", "b.png"}) {
+    imaging::write_image(dir / "rpg/images" / name, torch::rand({3, 24, 32}));
+  }
+  const Outcome quiet =
+      run(dir, "jade_import rpg --quiet --exposure-ms 5 --until read --output out");
+  INFO(quiet.err);
+  CHECK(quiet.code == 0);
+  CHECK_THAT(quiet.err, Catch::Contains("warning: ") && test::naming("images.txt", "lost.png"));
+  CHECK_THAT(quiet.err, !Catch::Contains("poses.txt"));
 }

@@ -208,7 +208,9 @@ TEST_CASE("evt: a recording has the sensor, the events, the triggers and what is
   CHECK(recording.events.x().equal(torch::tensor({3.F, 2.F})));
   CHECK(recording.triggers.rising_us == std::vector<int64_t>{100});
   std::string notes;
-  for (const std::string& note : recording.notes) notes += note + "\n";
+  for (const auto* const lines : {&recording.notes, &recording.warnings}) {
+    for (const std::string& line : *lines) notes += line + "\n";
+  }
   for (const char* part : {"1 events lie beside the sensor", "1 bytes at the end are no whole word",
                            "1 times the clock went backwards",
                            "1 trigger edges of channel 6 are left out", "there are no frames"}) {

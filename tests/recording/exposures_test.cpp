@@ -80,6 +80,7 @@ TEST_CASE("exposures: lists of spreadsheets and tables of floats, and lengths by
   for (const char* text : {"name;start_us;end_us\n00;5000;45000\n", "00,5000.0,45000.000\n",
                            "00\t5000\t45000\n", "frame,begin,end\n00,5000,45000\n",
                            "\xEF\xBB\xBFname,start_us,duration_us\n00,5000,40000\n",
+                           "00;5000,0;45000,0\n", "name\tstart_us\tend_us\n00\t5000,0\t45000,0\n",
                            "Name; Start_us; Exposure_us\r\n00; 5000; 40000\r\n"}) {
     CAPTURE(text);
     const NamedExposure row = read(text);
@@ -88,6 +89,12 @@ TEST_CASE("exposures: lists of spreadsheets and tables of floats, and lengths by
     CHECK(row.end_us == 45000);
   }
   CHECK(read("a;b,1,2\n").name == "a;b");
+  CHECK_THROWS_NAMING(DataError, read("00;12,5;22,5\n"), "a.csv:1", "whole microseconds");
+  CHECK_THROWS_NAMING(DataError,
+                      read(std::string("0\0,\0"
+                                       "5\0",
+                                       6)),
+                      "a.csv", "UTF-16");
   CHECK_THROWS_NAMING(DataError, read("name,start_ms,end_ms\n00,5,45\n"), "a.csv:1", "start_ms");
   CHECK_THROWS_NAMING(DataError, read("name,start_us,size\n00,5,45\n"), "a.csv:1", "size");
   CHECK_THROWS_NAMING(DataError, read("00,0.005,0.045\n"), "a.csv:1", "whole microseconds");

@@ -6,6 +6,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/io/gzip.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
 #include "support/naming.h"
@@ -28,6 +29,9 @@ TEST_CASE("format: recognised by content, whatever the name", "[recording]") {
   CHECK(recognise(dir.write("q.dat", std::string("% Version 2\n\x0c\x08") + "12345678")) ==
         Format::kDat);
   CHECK(recognise(dir.write("c.csv", "% t x y p\n1 2 3 1\n")) == Format::kText);
+  CHECK(recognise(dir.write("f.csv.gz", io::gzip("t,x,y,p\n0.5,1,2,1\n"))) == Format::kText);
+  CHECK(recognise(dir.write("packed/events.txt.gz", io::gzip("0.5 1 2 1\n"))) == Format::kText);
+  CHECK(recognise(dir / "packed") == Format::kRpg);
   CHECK(recognise(dir.write("f.csv", "\xEF\xBB\xBFt,x,y,p\n0.5,1,2,1\n")) == Format::kText);
   io::write_npy(dir / "g.h5", torch::zeros({1, 4}));
   CHECK(recognise(dir / "g.h5") == Format::kNpy);
@@ -70,6 +74,12 @@ TEST_CASE("format: what is not read says what it is and what to do", "[recording
   CHECK_THAT(message(dir.write("wide.csv", std::string("\xFF\xFEt\0,\0x\0", 8))),
              test::naming("wide.csv", "UTF-16"));
   CHECK_THAT(message(dir.write("x.zip", "PK\x03\x04 cut short")), Catch::Contains("zip archive"));
+  CHECK_THAT(message(dir.write("x.h5.gz", io::gzip("x"))), test::naming("gunzip -k x.h5.gz"));
+  CHECK_THAT(message(dir.write("x.txt.bz2", "BZh91AY&SY")), test::naming("bunzip2 -k x.txt.bz2"));
+  dir.write("packed/events.txt.xz", std::string("\xFD"
+                                                "7zXZ\0",
+                                                6));
+  CHECK_THAT(message(dir / "packed"), test::naming("packed", "unxz -k events.txt.xz"));
   dir.write("folder/notes.md", "");
   CHECK_THAT(message(dir / "folder"), test::naming("folder", "neither events"));
 }

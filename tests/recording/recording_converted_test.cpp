@@ -98,7 +98,8 @@ TEST_CASE("recording: a folder that the script made by hand is read the same", "
   dir.write("made/exposures.csv", "name,start_us,end_us\n000000,1060,1060\n");
   dir.write("made/triggers.csv", "t_us,rising\n60,0\n");
   dir.write("made/recording.txt",
-            "format ROS bag\nstamp start\noffset_us 1000\nwidth 640\nheight 480\nnote said\n");
+            "format ROS bag\nstamp start\noffset_us 1000\nwidth 640\nheight 480\nnote said\n"
+            "warning 1 events are left out\n");
   imaging::write_image(dir / "made/images/000000.png", torch::full({3, 6, 8}, 0.5));
   const Recording recording = read_recording(dir / "made");
   CHECK(recording.format == "ROS bag");
@@ -109,6 +110,7 @@ TEST_CASE("recording: a folder that the script made by hand is read the same", "
   CHECK(recording.triggers.rising_us == std::vector<int64_t>{1050});
   CHECK(recording.triggers.falling_us == std::vector<int64_t>{1060});
   CHECK(recording.notes[0] == "said");
+  CHECK(recording.warnings.at(0) == "1 events are left out");
   // A user's own notes of that name are ignored.
   dir.write("made/recording.txt", "stamp start, offset_us 1000\n");
   CHECK(read_recording(dir / "made").format == "folder of frames and events");

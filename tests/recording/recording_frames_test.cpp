@@ -46,7 +46,9 @@ std::string error_of(const std::function<void()>& action) {
 
 std::string notes_of(const Recording& recording) {
   std::string out;
-  for (const std::string& note : recording.notes) out += note + "\n";
+  for (const auto* const lines : {&recording.notes, &recording.warnings}) {
+    for (const std::string& line : *lines) out += line + "\n";
+  }
   return out;
 }
 
@@ -83,7 +85,7 @@ TEST_CASE("recording: frames of a folder, exposed while the trigger input was hi
   CHECK(high.frames[0].t_end_us == 1400);
   CHECK(high.frames[1].t_start_us == 2000);
   CHECK(high.width == 640);  // of the event camera, not of the other camera
-  CHECK_THAT(notes_of(high), test::naming("2 pulses"));
+  CHECK_THAT(notes_of(high), test::naming("2 pulses", "0.4 ms"));
   // A window does not change the pairing.
   options.window = events::TimeWindow{1900, 4000};
   const Recording part = read_recording(raw, options);
@@ -93,13 +95,66 @@ TEST_CASE("recording: frames of a folder, exposed while the trigger input was hi
   CHECK(part.events.size() == 1);
   options.window.reset();
   options.trigger_level = TriggerLevel::kLow;
+  write_frames(dir / "frames", 3);
   CHECK_THAT(error_of([&] { read_recording(raw, options); }),
-             test::naming("2 frames", "1 trigger pulses"));
+             test::naming("3 frames", "1 pulses of 0.6 ms", "2 rising", "2 falling"));
   std::filesystem::remove(dir / "frames/f1.png");
+  std::filesystem::remove(dir / "frames/f2.png");
   const Recording low = read_recording(raw, options);
   REQUIRE(low.frames.size() == 1);
   CHECK(low.frames[0].t_start_us == 1400);
   CHECK(low.frames[0].t_end_us == 2000);
+}
+
+TEST_CASE("recording: edges of one kind are stamps, and a given length replaces that of pulses",
+          "[recording]") {
+  const TempDir dir;
+  const auto edges = [&](const char* name, const std::vector<std::pair<int, int>>& all) {
+    std::string text = evt_header("3.0", "% geometry 640x480\n") + evt3_time(500) + evt3_word(2, 1);
+    for (const auto& [t, level] : all) text += evt3_time(t) + evt3_word(10, level);
+    return dir.write(name, text + evt3_time(3900) + evt3_word(2, 2));
+  };
+  write_frames(dir / "frames", 3);
+  ReadOptions options;
+  options.frames = dir / "frames";
+  const auto rising = edges("rising.raw", {{1000, 1}, {2000, 1}, {3000, 1}});
+  const Recording starts = read_recording(rising, options);
+  REQUIRE(starts.frames.size() == 3);
+  CHECK(starts.frames[1].t_start_us == 2000);
+  CHECK(starts.frames[1].t_end_us == 2000);
+  CHECK(starts.stamp == Stamp::kStart);
+  CHECK_THAT(notes_of(starts), test::naming("3 rising, 0 falling", "3 frames", "start"));
+  options.trigger_level = TriggerLevel::kLow;
+  CHECK(read_recording(rising, options).stamp == Stamp::kEnd);
+  options.trigger_level = TriggerLevel::kHigh;
+  options.exposure_ms = 0.4;
+  CHECK(read_recording(rising, options).frames[2].t_end_us == 3400);
+  // A strobe of 0.1 ms with a last pulse that was cut off.
+  const auto strobe = edges(
+      "strobe.raw", {{1000, 1}, {1100, 0}, {2000, 1}, {2100, 0}, {3000, 1}, {3100, 0}, {3800, 1}});
+  const Recording longer = read_recording(strobe, options);
+  CHECK(longer.frames[0].t_start_us == 1000);
+  CHECK(longer.frames[0].t_end_us == 1400);
+  CHECK_THAT(notes_of(longer), test::naming("3 pulses of 0.1 ms", "4 rising"));
+  options.exposure_ms = 0;
+  const Recording own = read_recording(strobe, options);
+  CHECK(own.frames[0].t_end_us == 1100);
+  CHECK_THAT(notes_of(own), test::naming("3 pulses", "0.1 ms", "--exposure-ms"));
+  // Frames with times of their own that follow the edges have the times of those.
+  const std::string rest = "0.001 f0.png\n0.002 f1.png\n";
+  dir.write("frames/images.txt", rest + "0.0031 f2.png\n");
+  CHECK(read_recording(rising, options).frames[2].t_start_us == 3000);
+  dir.write("frames/images.txt", rest + "0.0039 f2.png\n");
+  const Recording others = read_recording(rising, options);
+  CHECK(others.frames[2].t_start_us == 3900);
+  CHECK_THAT(notes_of(others), test::naming("3 rising, 0 falling", "3 frames", "not used"));
+  write_frames(dir / "frames", 5);
+  dir.write("frames/images.txt",
+            "0.001 f0.png\n0.0015 f1.png\n0.002 f2.png\n0.0025 f3.png\n0.003 f4.png\n");
+  const Recording unused = read_recording(strobe, options);
+  CHECK(unused.frames[1].t_start_us == 1500);
+  CHECK_THAT(notes_of(unused),
+             test::naming("3 pulses of 0.1 ms", "4 rising", "5 frames", "not used"));
 }
 
 TEST_CASE("recording: frames of a folder have the times of a list before those of triggers",
@@ -497,6 +552,51 @@ TEST_CASE("recording: names with accents in another form are found and noted", "
   noise.dir.write("a/images.txt", stamps);
   CHECK(read_recording(noise.folder).frames.size() == 6);
   CHECK_THAT(noise.notes(), test::naming("6 names, such as images/\u00e90.png"));
+}
+
+TEST_CASE("recording: capital endings are read, hidden files are not", "[recording]") {
+  const TempDir dir;
+  dir.write("rpg/events.txt", "0.0001 0 0 1\n0.001 7 5 0\n");
+  for (const char* name : {"a.png", "b.png"}) {
+    imaging::write_image(dir / "rpg/images" / name, torch::full({3, 6, 8}, 0.5));
+    std::filesystem::rename(
+        dir / "rpg/images" / name,
+        dir / "rpg/images" / std::filesystem::path(name).replace_extension("PNG"));
+  }
+  for (const char* hidden : {"._a.PNG", ".DS_Store", "Thumbs.db"})
+    dir.write(std::string("rpg/images/") + hidden, "\0\5\x16\7 of macOS or Windows");
+  dir.write("rpg/images.txt", "0.0002 images/a.png\n0.0006 images/b.PNG\n");
+  const Recording listed = read_recording(dir / "rpg");
+  REQUIRE(listed.frames.size() == 2);
+  CHECK(listed.frames[0].t_start_us == 200);
+  CHECK(listed.warnings.empty());
+  dir.write("rpg/exposures.csv", "a.png,100,300\nb,500,700\n");
+  CHECK(read_recording(dir / "rpg").frames[0].t_end_us == 300);
+  ReadOptions options;
+  options.frames = dir / "rpg/images";
+  options.frame_times = dir / "rpg/exposures.csv";
+  CHECK(read_recording(dir / "rpg/events.txt", options).frames.size() == 2);
+}
+
+TEST_CASE("recording: a folder without frames and an archive of frames are named", "[recording]") {
+  const TempDir dir;
+  dir.write("rec/events.csv", "100 1 2 1\n900 3 4 0\n");
+  std::filesystem::create_directories(dir / "rec/images");
+  dir.write("rec/images/.DS_Store", "x");
+  CHECK_THAT(notes_of(read_recording(dir / "rec")), test::naming("rec/images", "found none"));
+  imaging::write_image(dir / "rec/images/cam0/a.png", torch::full({3, 6, 8}, 0.5));
+  CHECK_THAT(notes_of(read_recording(dir / "rec")),
+             test::naming("rec/images", "found none", "rec/images/cam0"));
+  ReadOptions options;
+  options.frames = dir / "rec/images";
+  CHECK_THAT(error_of([&] { read_recording(dir / "rec/events.csv", options); }),
+             test::naming("rec/images", "rec/images/cam0", "--frames"));
+  options.frames = dir.write("frames.zip", "PK\x03\x04 more");
+  CHECK_THAT(error_of([&] { read_recording(dir / "rec/events.csv", options); }),
+             test::naming("frames.zip", "zip archive", "unpack"));
+  options.frames = dir.write("frames.7z", "7z\xBC\xAF\x27\x1C");
+  CHECK_THAT(error_of([&] { read_recording(dir / "rec/events.csv", options); }),
+             test::naming("frames.7z", "7z x frames.7z"));
 }
 
 TEST_CASE("recording: a folder with frames of a kind that is not read says so", "[recording]") {

@@ -7,6 +7,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
 #include "jade/recording/format.h"
 #include "jade/recording/recording.h"
@@ -57,7 +58,9 @@ void check_read(const Recording& recording, double most = 1e-3) {
 
 std::string layout_notes(const Recording& recording) {
   std::string out;
-  for (const std::string& note : recording.notes) out += note + "\n";
+  for (const auto* const lines : {&recording.notes, &recording.warnings}) {
+    for (const std::string& line : *lines) out += line + "\n";
+  }
   return out;
 }
 
@@ -271,6 +274,12 @@ TEST_CASE("layouts: Prophesee's DAT of both versions, its size, and its clock th
   const Recording late =
       read_recording(dir.write("wrap.dat", dat_file(head, false, {0xfffffff0U, 0x10U, 0x20U})));
   CHECK(late.events.last_us() - late.events.first_us() == 0x30);
+  auto damaged = times;
+  damaged[300] += 3600000000U;
+  const Recording stray = read_recording(dir.write("stray.dat", dat_file(head, false, damaged)));
+  CHECK(stray.events.size() == kEventCount - 1);
+  CHECK(stray.events.last_us() == t_of(kEventCount - 1));
+  CHECK_THAT(layout_notes(stray), test::naming("1 event", "left out"));
   ReadOptions options;
   options.window = events::TimeWindow{kFirstUs + 5000, kFirstUs + 6000};
   const Recording part = read_recording(path, options);
@@ -317,4 +326,140 @@ TEST_CASE("layouts: frames of MVSEC come with the events of their camera", "[rec
     CHECK_THAT(layout_notes(recording),
                Catch::Contains(side == "left" ? "davis/right/image_raw" : "davis/left/image_raw"));
   }
+}
+
+namespace {
+
+void write_pictures(const std::filesystem::path& folder, const std::vector<std::string>& names) {
+  for (size_t i = 0; i < names.size(); ++i)
+    imaging::write_image(folder / names[i], torch::full({3, 48, 64}, 0.1 + 0.1 * double(i)));
+}
+
+void check_span(const Frame& frame, int64_t begin, int64_t end) {
+  CHECK(frame.t_start_us == begin);
+  CHECK(frame.t_end_us == end);
+}
+
+}  // namespace
+
+TEST_CASE("layouts: DSEC's exposures beside its frames, in its folder and as downloaded",
+          "[recording]") {
+  const TempDir dir;
+  std::filesystem::create_directories(dir / "thun/events/left");
+  {
+    io::Hdf5Writer file(dir / "thun/events/left/events.h5");
+    append_events<uint16_t, uint32_t>(file, "events/");
+    file.close();
+  }
+  write_pictures(dir / "thun/images/left/rectified", {"000000.png", "000001.png", "000002.png"});
+  const std::string lines =
+      "# exposure_start_timestamp_us, exposure_end_timestamp_us\n"
+      "1000000, 1004000\n1010000, 1014500\n1020000, 1025000\n";
+  dir.write("thun/images/timestamps.txt", "1002000\n1012250\n1022500\n");
+  const Recording middles = read_recording(dir / "thun");
+  REQUIRE(middles.frames.size() == 3);
+  check_span(middles.frames[1], 1012250, 1012250);
+  CHECK(middles.stamp == Stamp::kMiddle);
+  CHECK_THAT(layout_notes(middles), test::naming("timestamps.txt", "middle"));
+  dir.write("thun/images/left/exposure_timestamps.txt", lines);
+  const Recording whole = read_recording(dir / "thun");
+  check_read(whole);
+  REQUIRE(whole.frames.size() == 3);
+  check_span(whole.frames[1], 1010000, 1014500);
+  CHECK_THAT(layout_notes(whole), test::naming("exposure_timestamps.txt"));
+
+  // The downloads, with the list of the other camera and a part of the frames.
+  write_pictures(dir / "images_rectified_left", {"000001.png", "000002.png"});
+  dir.write("thun_00_a_image_exposure_timestamps_left.txt", lines);
+  dir.write("thun_00_a_image_exposure_timestamps_right.txt", "1,2\n");
+  ReadOptions options;
+  options.frames = dir / "images_rectified_left";
+  const Recording part = read_recording(dir / "thun/events/left/events.h5", options);
+  REQUIRE(part.frames.size() == 2);
+  check_span(part.frames[0], 1010000, 1014500);
+  CHECK_THAT(layout_notes(part), test::naming("3 lines", "2 frames"));
+  const auto refused = [&] {
+    return failure_of([&] { read_recording(dir / "thun/events/left/events.h5", options); });
+  };
+  write_pictures(dir / "images_rectified_left", {"000003.png"});
+  CHECK(refused().empty());  // as many lines as frames
+  write_pictures(dir / "images_rectified_left", {"000004.png"});
+  CHECK_THAT(refused(), test::naming("thun_00_a_image_exposure_timestamps_left.txt", "3 lines",
+                                     "4 frames", "000003.png"));
+  dir.write("thun_00_b_image_exposure_timestamps_left.txt", lines);
+  CHECK_THAT(refused(), test::naming("thun_00_a", "thun_00_b"));
+  dir.write("image_exposure_timestamps_left.txt", "1000000, 1004000\n1010000\n");
+  CHECK_THAT(refused(), test::naming("image_exposure_timestamps_left.txt:2", "2 numbers"));
+  dir.write("image_exposure_timestamps_left.txt",
+            "1000000, 1004000\n1010000, 1009000\n1020000, 1025000\n1,2\n");
+  CHECK_THAT(refused(),
+             test::naming("image_exposure_timestamps_left.txt", "000002.png", "1009000"));
+}
+
+TEST_CASE("layouts: EDS has times in us and exposures as DSO reads them", "[recording]") {
+  const TempDir dir;
+  {
+    io::Hdf5Writer file(dir / "events.h5");
+    append_events<uint16_t, int64_t>(file, "");
+    file.close();
+  }
+  write_pictures(dir / "images",
+                 {"frame_0000000000.png", "frame_0000000001.png", "frame_0000000002.png"});
+  dir.write("images_timestamps.txt", "1002000\n1012000\n1022000\n");
+  const Recording stamps = read_recording(dir.path());
+  check_read(stamps);
+  REQUIRE(stamps.frames.size() == 3);
+  check_span(stamps.frames[1], 1012000, 1012000);
+  dir.write("times.txt",
+            "0 1.002 4.0 1.5 frame_0000000000.png\n1 1.012 3.0 1.5 frame_0000000001.png\n"
+            "2 1.022 4.0 1.5 frame_0000000002.png\n");
+  const Recording both = read_recording(dir.path());
+  check_span(both.frames[1], 1010500, 1013500);
+  CHECK_THAT(layout_notes(both), test::naming("images_timestamps.txt", "times.txt", "middle"));
+  ReadOptions options;
+  options.stamp = Stamp::kStart;
+  check_span(read_recording(dir.path(), options).frames[1], 1012000, 1015000);
+  std::filesystem::remove(dir / "images_timestamps.txt");
+  check_span(read_recording(dir.path()).frames[2], 1020000, 1024000);
+  // Other units are recognised by the period, with a note.
+  std::filesystem::remove(dir / "times.txt");
+  for (const char* text :
+       {"1002000000\n1012000000\n1022000000\n", "1.002\n1.012\n1.022\n", "1002\n1012\n1022\n",
+        "0 1.002\n1 1.012\n2 1.022\n", "0;1,002\n1;1,012\n2;1,022\n"}) {
+    CAPTURE(text);
+    dir.write("images/timestamps.txt", text);
+    const Recording other = read_recording(dir.path());
+    check_span(other.frames[1], 1012000, 1012000);
+    CHECK_THAT(layout_notes(other), test::naming("expected times in us"));
+  }
+  dir.write("images/timestamps.txt", "1,002\n1,012\n1,022\n");
+  CHECK_THAT(failure_of([&] { read_recording(dir.path()); }),
+             test::naming("timestamps.txt", "decimal point"));
+}
+
+TEST_CASE("layouts: TUM-VIE has times and exposures of each camera in us", "[recording]") {
+  const TempDir dir;
+  {
+    io::Hdf5Writer file(dir / "mocap-desk-events_left.h5");
+    append_events<uint16_t, int64_t>(file, "events/");
+    file.close();
+  }
+  write_pictures(dir / "left_images", {"00000.jpg", "00001.jpg", "00002.jpg"});
+  dir.write("left_images/image_timestamps_left.txt",
+            "# timestamps [us]\n1002000.25\n1012000.375\n1022000.5\n");
+  dir.write("left_images/image_exposures_left.txt", "# exposures [us]\n4000\n3000\n4000\n");
+  const Recording left = read_recording(dir.path());
+  check_read(left);
+  REQUIRE(left.frames.size() == 3);
+  check_span(left.frames[1], 1010500, 1013500);
+  write_pictures(dir / "right_images", {"00000.jpg", "00001.jpg", "00002.jpg"});
+  dir.write("right_images/image_timestamps_right.txt", "1002000\n1012000\n1022000\n");
+  dir.write("right_images/image_exposures_right.txt", "2000\n2000\n-2000\n");
+  ReadOptions options;
+  options.frames = dir / "right_images";
+  CHECK_THAT(failure_of([&] { read_recording(dir / "mocap-desk-events_left.h5", options); }),
+             test::naming("image_exposures_right.txt", "-2000", "00002.jpg"));
+  dir.write("right_images/image_exposures_right.txt", "2000\n2000\n2000\n");
+  check_span(read_recording(dir / "mocap-desk-events_left.h5", options).frames[1], 1011000,
+             1013000);
 }

@@ -106,8 +106,8 @@ TEST_CASE("recording: Metavision's records with triggers and the sensor's size",
   CHECK(recording.events.polarity().equal(torch::tensor({1, -1, -1}, torch::kInt8)));
   CHECK(recording.triggers.rising_us == std::vector<int64_t>{110});
   CHECK(recording.triggers.falling_us == std::vector<int64_t>{150});
-  CHECK_THAT(recording.notes.at(0), test::naming("sorted"));
-  CHECK_THAT(recording.notes.at(1), test::naming("1 of 4 events", "1280x720"));
+  CHECK_THAT(recording.warnings.at(0), test::naming("sorted"));
+  CHECK_THAT(recording.warnings.at(1), test::naming("1 of 4 events", "1280x720"));
   ReadOptions options;
   options.most_events = 2;
   const Recording first = read_recording(dir / "a.hdf5", options);

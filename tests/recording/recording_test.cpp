@@ -11,6 +11,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
+#include "jade/io/gzip.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
 #include "support/naming.h"
@@ -32,8 +33,10 @@ std::string message_of(const std::function<void()>& action) {
 }
 
 bool has_note(const Recording& recording, const std::string& text) {
-  for (const std::string& note : recording.notes) {
-    if (note.find(text) != std::string::npos) return true;
+  for (const auto* const lines : {&recording.notes, &recording.warnings}) {
+    for (const std::string& line : *lines) {
+      if (line.find(text) != std::string::npos) return true;
+    }
   }
   return false;
 }
@@ -180,6 +183,18 @@ TEST_CASE("recording: one late frame of many is noted, times in milliseconds are
              test::naming("12 frames", "550 us", "milliseconds"));
 }
 
+TEST_CASE("recording: what is wrong is a warning, what is only to be known a note", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  const Recording good = read_recording(dir / "rpg");
+  CHECK(good.warnings.empty());
+  CHECK_FALSE(good.notes.empty());
+  dir.write("rpg/images.txt", "0.0002 images/a.png\n0.0006 images/b.png\n0.0008 images/c.png\n");
+  const Recording missing = read_recording(dir / "rpg");
+  REQUIRE(missing.warnings.size() == 1);
+  CHECK_THAT(missing.warnings[0], test::naming("images.txt", "c.png"));
+}
+
 TEST_CASE("recording: images and lines without each other are noted", "[recording]") {
   const TempDir dir;
   write_rpg_folder(dir, "rpg");
@@ -272,6 +287,44 @@ TEST_CASE("recording: the mark of UTF-8 before text is no part of it", "[recordi
   check_rpg(read_recording(dir / "rpg"));
 }
 
+TEST_CASE("recording: events that gzip compressed are read, other compressed files named",
+          "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  std::filesystem::remove(dir / "rpg/events.txt");
+  dir.write("rpg/events.txt.gz", io::gzip(kEvents));
+  check_rpg(read_recording(dir / "rpg"));
+  CHECK(read_recording(dir / "rpg/events.txt.gz").events.size() == 4);
+  const std::string whole = io::gzip(kEvents);
+  dir.write("rpg/events.txt.gz", whole.substr(0, whole.size() - 12));
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }),
+             test::naming("events.txt.gz", "damaged"));
+  // Frames without events say which file would have them.
+  dir.write("frames/images/exposures.csv", "a,0,100\nb,500,600\n");
+  for (const char* name : {"a.png", "b.png"})
+    std::filesystem::copy_file(dir / "rpg/images" / name, dir / "frames/images" / name);
+  dir.write("frames/events.txt.zst", "\x28\xB5\x2F\xFD..");
+  const Recording packed = read_recording(dir / "frames");
+  CHECK(has_note(packed, "there are no events"));
+  CHECK(has_note(packed, "unzstd events.txt.zst"));
+}
+
+TEST_CASE("recording: lists with decimal commas are read, in UTF-16 named", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  dir.write("rpg/images.txt", "0,0002 images/a.png\n0,000600 images/b.png\n");
+  check_rpg(read_recording(dir / "rpg"));
+  dir.write("rpg/images.txt", "0,0002,5 images/a.png\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }), test::naming("images.txt:1"));
+  std::string wide;
+  for (const char c : std::string("0.0002 images/a.png\n")) wide += std::string{c, '\0'};
+  for (const char* mark : {"", "\xFF\xFE"}) {
+    dir.write("rpg/images.txt", mark + wide);
+    CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }),
+               test::naming("images.txt", "UTF-16", "iconv"));
+  }
+}
+
 TEST_CASE("recording: a zip of the folder, at its root or within a folder", "[recording]") {
   const TempDir dir;
   write_rpg_folder(dir, "rpg");
@@ -334,9 +387,7 @@ TEST_CASE("recording: images.txt of RPG beside a folder of images gives their ti
   const Recording recording = read_recording(dir / "scene");
   REQUIRE(recording.frames.size() == 2);
   CHECK(recording.frames[1].t_start_us == 1500000);
-  CHECK(std::any_of(recording.notes.begin(), recording.notes.end(), [](const std::string& note) {
-    return note.find("images.txt: holds one time per frame") != std::string::npos;
-  }));
+  CHECK(has_note(recording, "images.txt: holds one time per frame"));
 }
 
 TEST_CASE("recording: files of events alone, and a window of them", "[recording]") {

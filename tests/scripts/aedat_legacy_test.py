@@ -27,7 +27,8 @@ class Kept:
     """Stores an Output's data in memory."""
 
     def __init__(self):
-        self.form, self.size, self.stamp, self.notes, self.edges, self.frames = "", None, "middle", [], [], []
+        self.form, self.size, self.stamp, self.edges, self.frames = "", None, "middle", [], []
+        self.notes, self.warnings = [], []
         self.columns = [np.zeros(0, np.int64)] * 4
 
     def events(self, *columns):
@@ -147,7 +148,7 @@ class Aedat3(Reading):
         self.assertEqual(out.frames[0][0].dtype.name, "uint16")
         np.testing.assert_array_equal(out.frames[0][0], image[..., 0])
         np.testing.assert_array_equal(out.frames[1][0], image[..., 0] + 7)
-        self.assertEqual(out.notes, ["1 events or frames are marked invalid and left out"])
+        self.assertEqual(out.warnings, ["1 events or frames are marked invalid and left out"])
 
     def test_colours_come_as_opencv_has_them(self):
         pixels = np.zeros((HEIGHT, WIDTH, 3), np.uint16)
@@ -178,7 +179,7 @@ class Aedat3(Reading):
         out = self.read(header3() + packet3(POLARITY, [polarity3(1, 1, 900000, 1)]) + reset +
                         packet3(POLARITY, [polarity3(2, 2, t, 0) for t in (5, 6, 7)]))
         self.assertEqual(out.columns[2].tolist(), [5, 6, 7])
-        self.assertEqual(out.notes, ["the camera's clock was reset 1 times; only the longest part is read, 75% of all"])
+        self.assertEqual(out.warnings, ["the camera's clock was reset 1 times; only the longest part is read, 75% of all"])
 
     def test_of_several_cameras_the_one_with_frames_is_read(self):
         out = self.read(header3() + packet3(POLARITY, [polarity3(1, 1, t, 1) for t in range(9)], source=0) +
@@ -189,16 +190,16 @@ class Aedat3(Reading):
     def test_what_is_left_out_is_told(self):
         events = packet3(POLARITY, [polarity3(1, 1, 1, 1)])
         out = self.read(header3() + events + packet3(99, [bytes(12)]) + packet3(99, [bytes(12)]))
-        self.assertEqual(out.notes, ["packets of unknown types are left out: 2 of type 99"])
+        self.assertEqual(out.warnings, ["packets of unknown types are left out: 2 of type 99"])
         for cut in (events[:-1], events[:20]):
             out = self.read(header3() + events + cut)
             self.assertEqual(out.columns[2].tolist(), [1])
-            self.assertEqual(out.notes, [f"the file was cut short: its last {len(cut)} bytes are left out"])
+            self.assertEqual(out.warnings, [f"the file was cut short: its last {len(cut)} bytes are left out"])
         small = frame3(np.zeros((4, 4, 1)), 1, 2)
         whole = frame3(np.zeros((HEIGHT, WIDTH, 1)), 3, 4)
         out = self.read(header3() + packet3(FRAME, [small, whole, frame3(np.zeros((HEIGHT, WIDTH, 1)), 5, 6, region=1)]))
         self.assertEqual(out.times(), [(3, 4)])
-        self.assertEqual(out.notes, ["2 frames show a part of the sensor only and are left out"])
+        self.assertEqual(out.warnings, ["2 frames show a part of the sensor only and are left out"])
 
     def test_a_camera_without_a_known_name_has_the_size_of_its_frames(self):
         out = self.read(header3("File") + packet3(FRAME, [frame3(np.zeros((3, 5, 1)), 1, 2)]))
@@ -257,7 +258,7 @@ class Aedat2(Reading):
         frames = [frame2(1000 + k * 20000, 9000 + k * 20000) for k in range(3)]
         out = self.read(header2(is_global=True) + frames[0][8000:] + frames[1] + frames[2][:-8])
         self.assertEqual(out.times(), [(21239, 29000)])
-        self.assertEqual(out.notes, ["2 frames lack reads of pixels and are left out"])
+        self.assertEqual(out.warnings, ["2 frames lack reads of pixels and are left out"])
         signals = b"".join(reads2(SIGNAL, picture2(), t).tobytes() for t in range(0, 60000, 10000))
         self.assertEqual(self.read(header2(is_global=True) + signals).frames, [])
 
@@ -285,12 +286,12 @@ class Aedat2(Reading):
     def test_a_reset_of_the_clock_keeps_the_longest_part(self):
         out = self.read(header2() + polarity2(1, 1, 9000000, 1) + b"".join(polarity2(2, 2, t, 0) for t in (5, 6, 7)))
         self.assertEqual(out.columns[2].tolist(), [5, 6, 7])
-        self.assertEqual(out.notes, ["the camera's clock was reset 1 times; only the longest part is read, 75% of all"])
+        self.assertEqual(out.warnings, ["the camera's clock was reset 1 times; only the longest part is read, 75% of all"])
 
     def test_what_is_left_out_is_told(self):
         out = self.read(header2() + polarity2(1, 1, 1, 1) + polarity2(-1, 1, 2, 1) + b"cut")
         self.assertEqual(out.columns[2].tolist(), [1])
-        self.assertEqual(out.notes, ["the file was cut short: its last 3 bytes are left out",
+        self.assertEqual(out.warnings, ["the file was cut short: its last 3 bytes are left out",
                                      "1 events lie beside the sensor and are left out"])
 
     def test_a_first_event_may_look_like_a_line_of_the_header(self):

@@ -290,6 +290,7 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
       recording::read_recording(options.recording, read_options(options));
   check_overlap(recording);  // more informative than the note about omitted events
   for (const std::string& note : recording.notes) log_info("            " + note);
+  for (const std::string& warning : recording.warnings) log_warn(warning);
   check_recording(recording, options.time);
   keep_calibration(folder, recording);
   Capture capture;

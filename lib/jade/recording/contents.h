@@ -40,9 +40,15 @@ struct FrameFile {
 /// Time spans of a recording's clock, sorted and disjoint; no value: all of it.
 using Kept = std::optional<std::vector<events::TimeWindow>>;
 
-/// Adds the events of these spans, and notes about them, to a recording. The spans are known only
-/// after frames have their exposures.
-using ReadEvents = std::function<void(const Kept& kept, Recording& recording)>;
+/// Events to read, known once the frames have their exposures.
+struct Wanted {
+  Kept kept;
+  /// From the first frame to the last, by a clock that may be another one than that of the events.
+  std::optional<events::TimeWindow> frames;
+};
+
+/// Adds the events of these spans, and notes about them, to a recording.
+using ReadEvents = std::function<void(const Wanted& wanted, Recording& recording)>;
 
 /// A recording whose images are still files, and whose events are not read yet.
 struct Contents {
@@ -71,19 +77,19 @@ Contents read_event_file(const std::filesystem::path& path, const ReadOptions& o
 void add_hdf5_frames(const std::filesystem::path& path, const ReadOptions& options,
                      Contents& contents);
 
-/// Gives each image the exposure that `exposures` contains for its name, and notes exposures
+/// Gives each image the exposure that `exposures` contains for its name, and warns of exposures
 /// without an image. Accents of names may be in another form than the files'. Of several lines with
 /// one file name, the folders in the line decide.
 /// @throws DataError if an image has none or several, and as check_apart().
 void apply_exposures(const std::filesystem::path& list, const std::vector<NamedExposure>& exposures,
-                     std::vector<FrameFile>& files, std::vector<std::string>& notes);
+                     std::vector<FrameFile>& files, Recording& recording);
 
 /// Checks that exposures of one camera do not overlap. Tolerates overlaps of a twentieth of the
-/// frame period, and longer ones of a tenth of the frames, which it notes.
+/// frame period, and longer ones of a tenth of the frames, of which it warns.
 /// @throws DataError naming `list` and two frames with the same exposure, and for exposures that
 ///   are too long for µs.
 void check_apart(const std::filesystem::path& list, const std::vector<FrameFile>& files,
-                 std::vector<std::string>& notes);
+                 Recording& recording);
 
 /// Reads images on several threads into recording.frames, sorted by time; skips those without a
 /// time.
@@ -101,17 +107,33 @@ void replace_frames(const std::filesystem::path& path, const ReadOptions& option
 void note_respelled(const std::filesystem::path& list, const std::vector<std::string>& names,
                     std::vector<std::string>& notes);
 
+/// Warns of images/ in the folder of a recording if it has no images, and names the folder below
+/// it that has some, or files of another kind.
+void warn_of_no_images(const std::filesystem::path& folder, Recording& recording);
+
 /// Reads images.txt: one line per image with a time and a path, which may have blanks. Times are in
-/// seconds; whole numbers more than 1000 apart on average are µs or ns, which is noted. Notes
+/// seconds; whole numbers more than 1000 apart on average are µs or ns, which is noted. Warns of
 /// images that are listed twice or missing, and unlisted ones of the folder; all are skipped.
 /// @throws DataError naming the line.
-std::vector<FrameFile> listed_images(const std::filesystem::path& list,
-                                     std::vector<std::string>& notes);
+std::vector<FrameFile> listed_images(const std::filesystem::path& list, Recording& recording);
 
 /// Assigns the times of timestamps.npz to images sorted by name.
 /// @throws DataError if their numbers differ.
 void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
                    std::vector<FrameFile>& files, Recording& recording);
+
+/// Assigns the times of a list of numbers that DSEC, EDS or TUM-VIE have beside the frames, one
+/// line per frame in the order of names; of a part of the frames, each has the line of its number.
+/// Times are in us, or in the unit in which frames are 0.2 ms to 2 s apart, with a note. False if
+/// there is no such list.
+/// @param images  their folder
+/// @throws DataError naming the list and its line, or the frame without one.
+bool add_frame_list(const std::filesystem::path& images, const ReadOptions& options,
+                    std::vector<FrameFile>& files, Recording& recording);
+
+/// From the first exposure to the last, by a clock that is ahead by the offset; no value: no file
+/// has a time.
+std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files, int64_t ahead_us);
 
 /// Completes exposures from options and trigger edges if the recording's fields lack them.
 /// @throws DataError for frames of other sources that remain without a time, and naming two frames

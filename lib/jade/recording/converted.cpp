@@ -47,11 +47,12 @@ void convert(const fs::path& path, const ReadOptions& options, const fs::path& f
 }
 
 /// Notes on deleted temporary files would be confusing.
-void name_original(const fs::path& made, const fs::path& original,
-                   std::vector<std::string>& notes) {
+void name_original(const fs::path& made, const fs::path& original, Recording& recording) {
   const std::string prefix = made.string() + "/";
-  for (std::string& note : notes) {
-    if (note.rfind(prefix, 0) == 0) note = original.string() + note.substr(note.find(": "));
+  for (auto* const lines : {&recording.notes, &recording.warnings}) {
+    for (std::string& line : *lines) {
+      if (line.rfind(prefix, 0) == 0) line = original.string() + line.substr(line.find(": "));
+    }
   }
 }
 
@@ -71,11 +72,11 @@ Contents read_converted(const fs::path& path, const ReadOptions& options) {
   convert(path, options, folder->path());
   const fs::path made = folder->path() / "out";
   Contents out = read_event_folder(made, options);
-  name_original(made, path, out.recording.notes);
+  name_original(made, path, out.recording);
   if (out.read_events) {
-    out.read_events = [=, read = out.read_events](const Kept& kept, Recording& recording) {
-      read(kept, recording);
-      name_original(made, path, recording.notes);
+    out.read_events = [=, read = out.read_events](const Wanted& wanted, Recording& recording) {
+      read(wanted, recording);
+      name_original(made, path, recording);
     };
   }
   out.keep = folder;

@@ -73,7 +73,8 @@ void for_each_dat_event(const fs::path& path, const DatHeader& header, const Tak
   std::ifstream file(path, std::ios::binary);
   file.seekg(header.bytes);
   std::vector<std::array<uint32_t, 2>> records(kDatRecordsAtOnce);
-  int64_t wrap_us = 0, last = 0;
+  constexpr int64_t kHalf = int64_t(1) << 31;
+  int64_t wrap_us = 0, last = -1;
   for (int64_t left = header.records; left > 0;) {
     throw_if_interrupted();
     const auto count = std::min<int64_t>(left, int64_t(kDatRecordsAtOnce));
@@ -81,7 +82,9 @@ void for_each_dat_event(const fs::path& path, const DatHeader& header, const Tak
     if (!file) throw DataError(concat(path.string(), ": the file cannot be read to its end"));
     for (int64_t i = 0; i < count; ++i) {
       const int64_t t = records[size_t(i)][0];
-      if (last - t > int64_t(1) << 31) wrap_us += int64_t(1) << 32;
+      // A damaged time far ahead is one from before a wrap, so that the next is none after it.
+      if (last - t > kHalf) wrap_us += 2 * kHalf;
+      if (last >= 0 && t - last > kHalf) wrap_us -= 2 * kHalf;
       last = t;
       take(wrap_us + t, records[size_t(i)][1]);
     }
@@ -122,7 +125,7 @@ void read_dat_events(const fs::path& path, const DatHeader& header, const Kept& 
         ps[at] = (old ? word >> 17 & 1 : word >> 28 & 1) != 0 ? 1 : -1;
         ts[at++] = t_us;
       });
-  if (!order.sorted()) recording.notes.push_back(concat(path.string(), ": ", order.fault()));
+  if (!order.sorted()) recording.warnings.push_back(concat(path.string(), ": ", order.fault()));
   recording.events =
       order.sorted() ? events::EventStream(x, y, t, p) : events::sort_events(x, y, t, p);
   const events::TimeWindow span =
@@ -142,12 +145,13 @@ Contents read_dat(const fs::path& path, const ReadOptions& options) {
         concat(path.string(), ": its header does not say the sensor's size"));
   }
   if (header.cut_bytes > 0) {
-    out.recording.notes.push_back(concat(path.string(), ": ", header.cut_bytes,
-                                         " bytes at the end are no whole event and were skipped; "
-                                         "the file was cut short"));
+    out.recording.warnings.push_back(
+        concat(path.string(), ": ", header.cut_bytes,
+               " bytes at the end are no whole event and were skipped; "
+               "the file was cut short"));
   }
-  out.read_events = [path, header, options](const Kept& kept, Recording& to) {
-    read_dat_events(path, header, kept, options, to);
+  out.read_events = [path, header, options](const Wanted& wanted, Recording& to) {
+    read_dat_events(path, header, wanted.kept, options, to);
   };
   return out;
 }

@@ -28,17 +28,18 @@ void note_stored(int64_t events, const events::TimeWindow& span_us, int64_t most
 ReadEvents events_of(const fs::path& path, const ReadOptions& options,
                      const std::optional<events::TimeWindow>& exposures, Recording& recording) {
   if (path.extension() == ".raw") return events_of_evt(path, options, recording);
-  return [=](const Kept& kept, Recording& out) {
+  return [=](const Wanted& wanted, Recording& out) {
     events::EventFileOptions how;
     how.time_unit = options.time_unit;
     how.exposures = exposures;
-    how.keep = kept;
+    how.frames = wanted.frames;
+    how.keep = wanted.kept;
     how.most = options.most_events;
     how.event_bytes = options.event_bytes;
     auto [result, sensor] = events::read_event_group(path, how, options.events_group);
     out.events = std::move(result.events);
     if (sensor && out.width == 0) out.width = sensor->width, out.height = sensor->height;
-    for (std::string& warning : result.warnings) out.notes.push_back(std::move(warning));
+    for (std::string& warning : result.warnings) out.warnings.push_back(std::move(warning));
     note_stored(result.stored, result.stored_us, options.most_events, out);
   };
 }

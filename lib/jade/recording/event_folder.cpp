@@ -10,6 +10,7 @@
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
+#include "jade/io/stand_in.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -21,16 +22,31 @@ using events::TimeUnit;
 /// Description file in folders written by scripts/read_recording.py.
 constexpr const char* kDescription = "recording.txt";
 
+/// The file of the events; with two cameras that of the left one.
 fs::path events_in(const fs::path& folder) {
-  for (const char* name : {"events.h5", "events.hdf5", "events/events.h5", "events.npz",
-                           "events.npy", "events.csv", "events.raw"}) {
+  for (const char* name :
+       {"events.h5", "events.hdf5", "events/events.h5", "events/left/events.h5", "events_left.h5",
+        "events.npz", "events.npy", "events.csv", "events.csv.gz", "events.raw"}) {
     if (fs::is_regular_file(folder / name)) return folder / name;
   }
-  return {};
+  // TUM-VIE: SEQUENCE-events_left.h5
+  fs::path out;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    constexpr const char* kLeft = "-events_left.h5";
+    const size_t at = name.rfind(kLeft);
+    if (name[0] == '.' || at == std::string::npos || name.substr(at) != kLeft) continue;
+    if (!out.empty()) return {};
+    out = entry->path();
+  }
+  return out;
 }
 
 fs::path images_in(const fs::path& folder) {
-  for (const char* name : {"images_1", "images"}) {
+  for (const char* name :
+       {"images_1", "images", "images/left/rectified", "images/left/distorted", "left_images"}) {
     if (fs::is_directory(folder / name) && !imaging::list_images(folder / name).empty())
       return folder / name;
   }
@@ -43,19 +59,6 @@ fs::path beside_images(const fs::path& folder, const fs::path& images, const cha
     if (fs::is_regular_file(path)) return path;
   }
   return {};
-}
-
-/// From the first exposure to the last, by the clock of the events, which is ahead by the offset.
-std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files, int64_t ahead_us) {
-  std::optional<events::TimeWindow> out;
-  for (const FrameFile& file : files) {
-    if (!file.time) continue;
-    if (!out) out = file.time;
-    out->begin_us = std::min(out->begin_us, file.time->begin_us);
-    out->end_us = std::max(out->end_us, file.time->end_us);
-  }
-  if (out) out = {out->begin_us + ahead_us, out->end_us + ahead_us};
-  return out;
 }
 
 /// The first line is "format …"; other files of this name are the user's notes.
@@ -79,6 +82,7 @@ void apply_description(const fs::path& path, Recording& recording, int64_t* offs
     if (key == "width") number >> recording.width;
     if (key == "height") number >> recording.height;
     if (key == "note") recording.notes.push_back(value);
+    if (key == "warning") recording.warnings.push_back(value);
   }
 }
 
@@ -100,11 +104,13 @@ void move(int64_t offset_us, Triggers& triggers) {
 
 /// Shifts the clock of events after reading.
 ReadEvents moved(const ReadEvents& read, int64_t offset_us) {
-  return [=](const Kept& kept, Recording& out) {
-    Kept theirs = kept;
-    if (theirs) {
-      for (events::TimeWindow& w : *theirs) w = {w.begin_us - offset_us, w.end_us - offset_us};
-    }
+  return [=](const Wanted& wanted, Recording& out) {
+    Wanted theirs = wanted;
+    const auto move_back = [&](events::TimeWindow& w) {
+      w = {w.begin_us - offset_us, w.end_us - offset_us};
+    };
+    if (theirs.kept) std::for_each(theirs.kept->begin(), theirs.kept->end(), move_back);
+    if (theirs.frames) move_back(*theirs.frames);
     read(theirs, out);
     const events::EventStream& e = out.events;
     out.events = {e.x(), e.y(), e.t_us() + offset_us, e.polarity()};
@@ -155,7 +161,7 @@ void add_npz_times(const fs::path& path, TimeUnit wanted, std::vector<FrameFile>
                            " ends before its start; swap the two "
                            "arrays"));
   }
-  check_apart(path, files, recording.notes);
+  check_apart(path, files, recording);
   if (!exposures) {
     recording.notes.push_back(concat(path.string(),
                                      ": holds one time per frame; it is taken as the ",
@@ -171,6 +177,34 @@ bool is_event_folder(const fs::path& folder) {
       return true;
   }
   return false;
+}
+
+fs::path text_events_in(const fs::path& folder) {
+  for (const char* name : {"events.txt", "events.txt.gz"}) {
+    std::error_code ignored;
+    if (fs::is_regular_file(folder / name, ignored)) return folder / name;
+  }
+  return {};
+}
+
+std::vector<std::string> packed_files(const fs::path& folder) {
+  std::vector<std::string> out;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const fs::path& path = entry->path();
+    std::error_code ignored;
+    if (path.filename().string()[0] == '.' || !entry->is_regular_file(ignored)) continue;
+    const fs::path kind = path.extension();
+    const bool is_read = path == text_events_in(folder) || path == events_in(folder);
+    for (const char* ending : {".gz", ".tgz", ".bz2", ".xz", ".zst", ".7z", ".rar", ".tar"}) {
+      if (kind != ending || is_read) continue;
+      const std::string found = io::stand_in(path);
+      if (!found.empty()) out.push_back(concat(path.filename().string(), ", ", found));
+    }
+  }
+  std::sort(out.begin(), out.end());
+  return out;
 }
 
 bool holds_bag(const fs::path& folder) {
@@ -196,17 +230,20 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
   if (!images.empty()) {
     for (const fs::path& file : imaging::list_images(images)) out.files.push_back({file, {}});
     if (const auto list = beside_images(folder, images, "exposures.csv"); !list.empty()) {
-      apply_exposures(list, read_exposures(list), out.files, recording.notes);
+      apply_exposures(list, read_exposures(list), out.files, recording);
     } else if (const auto npz = beside_images(folder, images, "timestamps.npz"); !npz.empty()) {
       add_npz_times(npz, options.time_unit, out.files, recording);
     } else if (const auto lines = beside_images(folder, images, "images.txt");
                !lines.empty() && !fs::exists(lines.parent_path() / "cameras.txt")) {
-      out.files = listed_images(lines, recording.notes);
+      out.files = listed_images(lines, recording);
       recording.notes.push_back(concat(lines.string(),
                                        ": holds one time per frame in seconds; it is taken as the ",
                                        word_of(recording.stamp), " of the exposure"));
+    } else {
+      add_frame_list(images, options, out.files, recording);
     }
   }
+  if (images.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
   const fs::path events = events_in(folder);
   if (!events.empty()) {
     // With frames of another source, the offset refers to their clock, not to this folder's.

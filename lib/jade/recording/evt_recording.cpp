@@ -78,15 +78,15 @@ bool is_kept(const Kept& kept, int64_t t_us) {
 }
 
 void note_counts(const fs::path& path, const EvtDecoder& decoder, Recording& recording) {
-  const auto note = [&](int64_t count, const char* what) {
-    if (count > 0) recording.notes.push_back(concat(path.string(), ": ", count, what));
+  const auto warn = [&](int64_t count, const char* what) {
+    if (count > 0) recording.warnings.push_back(concat(path.string(), ": ", count, what));
   };
   const EvtCounts& c = decoder.counts();
-  note(c.outside, " events lie beside the sensor and were dropped; the file may be damaged");
-  note(c.before_time, " events stand before the first time stamp and were dropped");
-  note(c.unknown, " words are of no known type and were skipped; the file may be damaged");
-  note(c.cut_bytes, " bytes at the end are no whole word and were skipped; the file was cut short");
-  note(c.backwards, " times the clock went backwards; the events have been sorted");
+  warn(c.outside, " events lie beside the sensor and were dropped; the file may be damaged");
+  warn(c.before_time, " events stand before the first time stamp and were dropped");
+  warn(c.unknown, " words are of no known type and were skipped; the file may be damaged");
+  warn(c.cut_bytes, " bytes at the end are no whole word and were skipped; the file was cut short");
+  warn(c.backwards, " times the clock went backwards; the events have been sorted");
   if (decoder.header().width == 0)
     recording.notes.push_back(concat(path.string(), ": its header does not say the sensor's size"));
 }
@@ -128,7 +128,8 @@ ReadEvents events_of_evt(const fs::path& path, const ReadOptions& options, Recor
   choose_channel(path, decoder.triggers(), recording);
   note_counts(path, decoder, recording);
   return [path, histogram, bytes = options.event_bytes, limit = options.most_events](
-             const Kept& kept, Recording& out) {
+             const Wanted& wanted, Recording& out) {
+    const Kept& kept = wanted.kept;
     const int64_t all = histogram.total();
     int64_t most = kept ? histogram.most_in(*kept) : all;
     if (limit > 0) most = std::min(most, limit);

@@ -11,7 +11,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
-#include "jade/io/stand_in.h"
+#include "jade/io/text.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -46,9 +46,12 @@ bool split_line(const std::string& line, std::array<std::string, 3>* out) {
     if (last == std::string::npos || last == 0) continue;
     const auto first = line.rfind(separator, last - 1);
     if (first == std::string::npos) continue;
-    const std::array<std::string, 3> columns{trimmed(line.substr(0, first)),
-                                             trimmed(line.substr(first + 1, last - first - 1)),
-                                             trimmed(line.substr(last + 1))};
+    std::array<std::string, 3> columns{trimmed(line.substr(0, first)),
+                                       trimmed(line.substr(first + 1, last - first - 1)),
+                                       trimmed(line.substr(last + 1))};
+    for (const size_t number : {size_t(1), size_t(2)}) {
+      if (separator != ',') columns[number] = io::with_point(columns[number]);
+    }
     const bool numeric = is_numeric(columns[1]) && is_numeric(columns[2]);
     if (!split || numeric) *out = columns;
     split = true;
@@ -115,12 +118,7 @@ std::vector<events::TimeWindow> exposures_of(const Triggers& triggers, TriggerLe
 }
 
 std::vector<NamedExposure> read_exposures(const std::filesystem::path& path) {
-  const std::string whole = read_file(path);
-  if (!whole.empty()) {
-    if (const std::string other = io::stand_in(whole.substr(0, 1024), path); !other.empty())
-      throw DataError(concat(path.string(), ": expected lines in UTF-8, found ", other));
-  }
-  std::istringstream text(without_mark(whole));
+  std::istringstream text(io::read_text(path));
   std::vector<NamedExposure> out;
   std::set<std::string> names;
   int64_t number = 0;

@@ -9,6 +9,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/io/colmap.h"
+#include "jade/io/gzip.h"
 #include "jade/io/stand_in.h"
 #include "jade/io/zip.h"
 #include "jade/recording/contents.h"
@@ -99,8 +100,20 @@ void refuse_foreign(const fs::path& path, const std::string& head) {
   if (begins(head, "#ROSBAG V1")) refuse("a ROS bag of version 1.x", "run rosbag fix on it");
 }
 
+/// Ending in lower case, without that of gzip.
+std::string ending_of(const fs::path& path, bool is_packed) {
+  std::string kind = (is_packed && path.extension() == ".gz" ? path.stem() : path).extension();
+  std::transform(kind.begin(), kind.end(), kind.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  return kind;
+}
+
 Format file_format(const fs::path& path) {
   const std::string head = head_of(path);
+  const bool is_packed = io::is_gzip(head);
+  const std::string kind = ending_of(path, is_packed);
+  const bool is_list = kind == ".txt" || kind == ".csv" || kind == ".tsv";
+  if (is_packed && is_list) return Format::kText;
   if (const std::string other = io::stand_in(head, path); !other.empty())
     throw DataError(concat(path.string(), ": ", kReadable, ", found ", other));
   for (const char* version : {"#!AER-DAT4", "#!AER-DAT3.1", "#!AER-DAT2.0"}) {
@@ -110,10 +123,6 @@ Format file_format(const fs::path& path) {
   if (begins(head, std::string("SQLite format 3\0", 16)) || begins(head, "\x89MCAP0"))
     return Format::kRosBag;
   refuse_foreign(path, head);
-  std::string kind = path.extension().string();
-  std::transform(kind.begin(), kind.end(), kind.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  const bool is_list = kind == ".txt" || kind == ".csv" || kind == ".tsv";
   if (is_dat(head)) return Format::kDat;
   if (begins(head, "% ") && !is_list) return Format::kEvt;
   if (begins(head, "\x93NUMPY")) return Format::kNpy;
@@ -143,13 +152,15 @@ Format recognise(const fs::path& path) {
   if (!fs::exists(path, ignored))
     throw DataError(concat(path.string(), ": no such file or folder"));
   if (!fs::is_directory(path, ignored)) return file_format(path);
-  if (fs::is_regular_file(path / "events.txt", ignored)) return Format::kRpg;
+  if (!text_events_in(path).empty()) return Format::kRpg;
   if (fs::is_regular_file(path / "metadata.yaml", ignored) && holds_bag(path))
     return Format::kRosBag;
   if (is_event_folder(path)) return Format::kFrameFolder;
-  throw DataError(concat(path.string(), ": ", kReadable,
-                         ", found a folder with neither events nor frames that have times; give "
-                         "the file in it"));
+  const std::vector<std::string> packed = packed_files(path);
+  throw DataError(
+      concat(path.string(), ": ", kReadable,
+             ", found a folder with neither events nor frames that have times",
+             packed.empty() ? "; give the file in it" : concat(", but ", packed.front())));
 }
 
 bool is_recording(const fs::path& path) {

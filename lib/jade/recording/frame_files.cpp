@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <ATen/Parallel.h>
 #include <algorithm>
+#include <cctype>
 #include <map>
 #include <set>
 #include <torch/types.h>
@@ -47,15 +48,16 @@ constexpr double kMostOverlapping = 0.1;
 
 std::string name_of(const FrameFile& file) { return file.path.filename().string(); }
 
-/// Notes lines of a list that match no image.
-void note_unused(const fs::path& list, const std::vector<NamedExposure>& exposures,
-                 const std::set<const NamedExposure*>& used, std::vector<std::string>& notes) {
+/// Warns of lines of a list that match no image.
+void warn_of_unused(const fs::path& list, const std::vector<NamedExposure>& exposures,
+                    const std::set<const NamedExposure*>& used,
+                    std::vector<std::string>& warnings) {
   if (used.size() == exposures.size()) return;
   const auto first = std::find_if(exposures.begin(), exposures.end(),
                                   [&](const NamedExposure& row) { return used.count(&row) == 0; });
-  notes.push_back(concat(list.string(), ": ", exposures.size() - used.size(), " of ",
-                         exposures.size(), " exposures name a frame that is not there (",
-                         first->name, "); add the frames or remove the lines"));
+  warnings.push_back(concat(list.string(), ": ", exposures.size() - used.size(), " of ",
+                            exposures.size(), " exposures name a frame that is not there (",
+                            first->name, "); add the frames or remove the lines"));
 }
 
 /// How well the folders of a listed name agree with a frame's: two per equal folder, counted from
@@ -68,6 +70,15 @@ int agreement(const fs::path& listed, const fs::path& frame) {
 }
 
 using Rows = std::vector<const NamedExposure*>;
+
+/// File name with its ending in small letters, as cameras and lists differ in them: "a.PNG",
+/// "a.png".
+std::string key_of(const fs::path& path) {
+  std::string ending = path.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  return path.stem().string() + ending;
+}
 
 /// The line of a frame among those with its file name, which lists of several cameras repeat.
 /// @throws DataError if the folders do not say which of two different lines is the frame's.
@@ -112,19 +123,19 @@ void note_respelled(const fs::path& list, const std::vector<std::string>& names,
 }
 
 void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exposures,
-                     std::vector<FrameFile>& files, std::vector<std::string>& notes) {
+                     std::vector<FrameFile>& files, Recording& recording) {
   std::map<std::string, Rows> by_name;
   for (const NamedExposure& row : exposures) {
-    by_name[fs::path(row.name).filename().string()].push_back(&row);
+    by_name[key_of(row.name)].push_back(&row);
   }
   std::set<const NamedExposure*> used;
   std::vector<std::string> respelled;
   for (FrameFile& file : files) {
-    auto found = by_name.find(file.path.filename().string());
+    auto found = by_name.find(key_of(file.path));
     if (found == by_name.end()) found = by_name.find(file.path.stem().string());
     if (found == by_name.end()) {
       found = std::find_if(by_name.begin(), by_name.end(), [&](const auto& row) {
-        return io::same_but_accents(row.first, file.path.filename().string()) ||
+        return io::same_but_accents(row.first, key_of(file.path)) ||
                io::same_but_accents(row.first, file.path.stem().string());
       });
       if (found != by_name.end()) respelled.push_back(found->first);
@@ -137,13 +148,12 @@ void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exp
     file.time = events::TimeWindow{row.start_us, row.end_us};
     used.insert(&row);
   }
-  note_respelled(list, respelled, notes);
-  note_unused(list, exposures, used, notes);
-  check_apart(list, files, notes);
+  note_respelled(list, respelled, recording.notes);
+  warn_of_unused(list, exposures, used, recording.warnings);
+  check_apart(list, files, recording);
 }
 
-void check_apart(const fs::path& list, const std::vector<FrameFile>& files,
-                 std::vector<std::string>& notes) {
+void check_apart(const fs::path& list, const std::vector<FrameFile>& files, Recording& recording) {
   std::vector<const FrameFile*> exposed;
   for (const FrameFile& file : files) {
     if (file.time && file.time->duration_us() > 0) exposed.push_back(&file);
@@ -180,7 +190,19 @@ void check_apart(const fs::path& list, const std::vector<FrameFile>& files,
              first->time->end_us, " us) and ", name_of(*second), " (from ", second->time->begin_us,
              " us), at a frame period of ", period_us, " us; correct their lengths");
   if (double(overlapping) > kMostOverlapping * double(exposed.size())) throw DataError(found);
-  notes.push_back(found);
+  recording.warnings.push_back(found);
+}
+
+std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files, int64_t ahead_us) {
+  std::optional<events::TimeWindow> out;
+  for (const FrameFile& file : files) {
+    if (!file.time) continue;
+    if (!out) out = file.time;
+    out->begin_us = std::min(out->begin_us, file.time->begin_us);
+    out->end_us = std::max(out->end_us, file.time->end_us);
+  }
+  if (out) out = {out->begin_us + ahead_us, out->end_us + ahead_us};
+  return out;
 }
 
 void read_frames(std::vector<FrameFile> files, Recording& recording) {
@@ -188,9 +210,9 @@ void read_frames(std::vector<FrameFile> files, Recording& recording) {
                                              [](const FrameFile& f) { return f.time.has_value(); });
   if (untimed != files.end()) {
     recording.untimed_frames = files.end() - untimed;
-    recording.notes.push_back(concat(recording.untimed_frames, " of ", files.size(),
-                                     " frames have no time and are left out; give them one with "
-                                     "--frame-times LIST.csv (name,start_us,end_us)"));
+    recording.warnings.push_back(concat(recording.untimed_frames, " of ", files.size(),
+                                        " frames have no time and are left out; give them one with "
+                                        "--frame-times LIST.csv (name,start_us,end_us)"));
     files.erase(untimed, files.end());
   }
   std::stable_sort(files.begin(), files.end(), [](const FrameFile& a, const FrameFile& b) {
@@ -211,7 +233,7 @@ void read_frames(std::vector<FrameFile> files, Recording& recording) {
     names.push_back(frame.name);
   }
   for (const std::string& fault : imaging::frame_faults(images, names)) {
-    recording.notes.push_back(fault);
+    recording.warnings.push_back(fault);
   }
   recording.frames = std::move(frames);
 }

@@ -12,6 +12,8 @@
 #include "jade/events/stream_faults.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/unread_images.h"
+#include "jade/io/stand_in.h"
+#include "jade/io/zip.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -19,6 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kExpectedFrames = "expected a folder of images or a video";
 constexpr const char* kGiveTimes =
     "give a list \"name,start_us,end_us\" of their exposures, or record them with a trigger signal";
 
@@ -85,61 +88,151 @@ std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& fol
   return out;
 }
 
+/// For messages about a folder without images: a folder below it that has some, or its files of
+/// another kind; empty if there are neither.
+std::string unfound_images(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> below;
+  for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
+    const bool hidden = entry->path().filename().string()[0] == '.';
+    if (hidden) entry.disable_recursion_pending();
+    if (!hidden && entry->is_directory(ignored) && !imaging::list_images(entry->path()).empty())
+      below.push_back(entry->path());
+  }
+  std::sort(below.begin(), below.end());
+  if (below.empty()) return imaging::unread_images(folder);
+  return concat("; found some in ", below.front().string(),
+                below.size() == 1 ? "" : concat(" and ", below.size() - 1, " more folders"),
+                "; give that folder with --frames");
+}
+
 std::vector<FrameFile> frames_of_folder(const fs::path& folder, const ReadOptions& options,
                                         Recording& recording) {
   std::vector<FrameFile> out;
   const bool listed = fs::is_regular_file(folder / "images.txt");
   if (listed) {
-    out = listed_images(folder / "images.txt", recording.notes);
+    out = listed_images(folder / "images.txt", recording);
   } else {
     for (const fs::path& file : imaging::list_images(folder)) out.push_back({file, {}});
   }
   if (out.empty())
     throw DataError(
-        concat(folder.string(), ": expected images, found none", imaging::unread_images(folder)));
+        concat(folder.string(), ": expected images, found none", unfound_images(folder)));
   if (fs::is_regular_file(folder / "exposures.csv")) {
     apply_exposures(folder / "exposures.csv", read_exposures(folder / "exposures.csv"), out,
-                    recording.notes);
+                    recording);
   } else if (!listed && fs::is_regular_file(folder / "timestamps.npz")) {
     add_npz_times(folder / "timestamps.npz", options.time_unit, out, recording);
+  } else if (!listed) {
+    add_frame_list(folder, options, out, recording);
   }
   return out;
 }
 
 bool lacks_length(const FrameFile& file) { return !file.time || file.time->duration_us() == 0; }
 
-/// Uses pulses of the trigger input if there is one per frame.
+/// The middle length of pulses, in ms.
+std::string length_of(const std::vector<events::TimeWindow>& pulses) {
+  std::vector<int64_t> lengths;
+  for (const events::TimeWindow& pulse : pulses) lengths.push_back(pulse.duration_us());
+  const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
+  std::nth_element(lengths.begin(), middle, lengths.end());
+  return concat(1e-3 * double(*middle), " ms");
+}
+
+/// Counts pulses and edges of the trigger input: "3 pulses of 1 ms (3 rising, 4 falling edges)".
+std::string said_of(const Triggers& triggers, const std::vector<events::TimeWindow>& pulses) {
+  return concat(pulses.size(), " pulses", pulses.empty() ? "" : " of " + length_of(pulses), " (",
+                triggers.rising_us.size(), " rising, ", triggers.falling_us.size(),
+                " falling edges)");
+}
+
+/// One edge per frame: the starts of pulses or, without their ends, of one kind.
+struct Edges {
+  std::vector<int64_t> us;  ///< empty: there is not one per frame
+  Stamp marks = Stamp::kStart;
+};
+
+Edges edges_per_frame(const std::vector<events::TimeWindow>& pulses, const Triggers& triggers,
+                      TriggerLevel level, size_t frames) {
+  const bool high = level == TriggerLevel::kHigh;
+  const auto& starts = high ? triggers.rising_us : triggers.falling_us;
+  const auto& ends = high ? triggers.falling_us : triggers.rising_us;
+  if (pulses.size() == frames) {
+    Edges out;
+    for (const events::TimeWindow& pulse : pulses) out.us.push_back(pulse.begin_us);
+    return out;
+  }
+  if (starts.size() == frames) return {starts, Stamp::kStart};
+  if (ends.size() == frames) return {ends, Stamp::kEnd};
+  return {};
+}
+
+/// Whether the times of frames, by another clock, follow the edges to half of the frame period.
+bool follow(const std::vector<FrameFile>& files, const std::vector<int64_t>& edges_us) {
+  if (files.size() < 2 || edges_us.size() != files.size()) return false;
+  int64_t least = INT64_MAX, most = INT64_MIN;
+  for (size_t i = 0; i < files.size(); ++i) {
+    const int64_t apart = files[i].time->begin_us - edges_us[i];
+    least = std::min(least, apart), most = std::max(most, apart);
+  }
+  const int64_t period_us = (edges_us.back() - edges_us.front()) / int64_t(files.size() - 1);
+  return 2 * (most - least) <= period_us;
+}
+
+/// Uses the trigger input if it has one pulse, or one edge, per frame. A length that the user gives
+/// replaces that of the pulses, as a strobe's pulse marks only a time.
 void apply_triggers(const ReadOptions& options, Contents& contents) {
   auto& files = contents.files;
   Recording& recording = contents.recording;
-  const auto pulses = exposures_of(recording.triggers, options.trigger_level);
-  if (pulses.empty() || std::none_of(files.begin(), files.end(), lacks_length)) return;
-  if (pulses.size() != files.size()) {
-    recording.notes.push_back(concat("the trigger input has ", pulses.size(),
-                                     " pulses and there are ", files.size(),
-                                     " frames, so that they say nothing about "
-                                     "exposures"));
-    return;
-  }
-  if (std::all_of(files.begin(), files.end(),
-                  [](const FrameFile& f) { return f.time.has_value(); })) {
+  const Triggers& triggers = recording.triggers;
+  if (triggers.rising_us.empty() && triggers.falling_us.empty()) return;
+  if (std::none_of(files.begin(), files.end(), lacks_length)) return;
+  const auto pulses = exposures_of(triggers, options.trigger_level);
+  const Edges edges = edges_per_frame(pulses, triggers, options.trigger_level, files.size());
+  const bool have_times = std::all_of(files.begin(), files.end(),
+                                      [](const FrameFile& f) { return f.time.has_value(); });
+  if (have_times) {
     std::stable_sort(files.begin(), files.end(), [](const FrameFile& a, const FrameFile& b) {
       return a.time->begin_us < b.time->begin_us;
     });
   }
-  for (size_t i = 0; i < files.size(); ++i) files[i].time = pulses[i];
-  recording.notes.push_back(
-      concat("exposures are those of ", pulses.size(), " pulses of the trigger input"));
+  const bool are_others = pulses.size() != files.size() && have_times && !follow(files, edges.us);
+  if (edges.us.empty() || are_others) {
+    recording.warnings.push_back(
+        concat("expected one pulse or edge of the trigger input per frame, found ",
+               said_of(triggers, pulses), " for ", files.size(), " frames",
+               edges.us.empty() ? "" : " with times that do not follow them",
+               "; they are not used: give the exposures with --frame-times, or remove the frames "
+               "without a pulse"));
+    return;
+  }
+  const bool have_lengths = pulses.size() == files.size() && options.exposure_ms <= 0;
+  for (size_t i = 0; i < files.size(); ++i)
+    files[i].time = have_lengths ? pulses[i] : events::TimeWindow{edges.us[i], edges.us[i]};
+  if (have_lengths) {
+    recording.notes.push_back(concat("exposures are those of ", pulses.size(),
+                                     " pulses of the trigger input, of ", length_of(pulses),
+                                     "; if these only mark a time, as a strobe's do, give the "
+                                     "length with --exposure-ms"));
+    return;
+  }
+  recording.stamp = options.stamp.value_or(edges.marks);
+  recording.notes.push_back(concat("the trigger input has ", said_of(triggers, pulses), " for ",
+                                   files.size(), " frames; they mark the ",
+                                   word_of(recording.stamp), " of each exposure"));
 }
 
-/// Notes times that lost digits.
-void note_resolution(const std::vector<FrameFile>& files, std::vector<std::string>& notes) {
+/// Warns of times that lost digits.
+void check_resolution(const std::vector<FrameFile>& files, std::vector<std::string>& warnings) {
   std::vector<events::TimeWindow> times;
   for (const FrameFile& file : files) {
     if (file.time) times.push_back(*file.time);
   }
   if (std::string fault = events::resolution_fault(times); !fault.empty())
-    notes.push_back(std::move(fault));
+    warnings.push_back(std::move(fault));
 }
 
 /// Stamps of 0 mean that a driver wrote no times, which has a message of its own.
@@ -166,6 +259,14 @@ void check_own_times(const fs::path& source, const std::vector<FrameFile>& files
 }
 
 }  // namespace
+
+void warn_of_no_images(const fs::path& folder, Recording& recording) {
+  const fs::path images = folder / "images";
+  std::error_code ignored;
+  if (!fs::is_directory(images, ignored)) return;
+  recording.warnings.push_back(
+      concat(images.string(), ": expected images, found none", unfound_images(images)));
+}
 
 void choose_channel(const fs::path& path, const std::map<int64_t, Triggers>& channels,
                     Recording& recording) {
@@ -196,6 +297,12 @@ void replace_frames(const fs::path& path, const ReadOptions& options, Contents& 
     contents.files = frames_of_folder(path, options, recording);
     return;
   }
+  if (const std::string other = io::stand_in(path); !other.empty())
+    throw DataError(concat(path.string(), ": ", kExpectedFrames, ", found ", other));
+  if (io::is_zip(path)) {
+    throw DataError(concat(path.string(), ": ", kExpectedFrames,
+                           ", found a zip archive; unpack it and give the folder of the images"));
+  }
   if (!contents.keep) contents.keep = std::make_shared<TemporaryFolder>();
   contents.files = frames_of_video(path, contents.keep->path());
   recording.stamp = Stamp::kStart;
@@ -207,11 +314,10 @@ void complete_exposures(const ReadOptions& options, Contents& contents) {
   auto& files = contents.files;
   recording.stamp = options.stamp.value_or(recording.stamp);
   if (!options.frame_times.empty())
-    apply_exposures(options.frame_times, read_exposures(options.frame_times), files,
-                    recording.notes);
+    apply_exposures(options.frame_times, read_exposures(options.frame_times), files, recording);
   apply_triggers(options, contents);
   check_own_times(options.frames.empty() ? recording.source : options.frames, files);
-  note_resolution(files, recording.notes);
+  check_resolution(files, recording.warnings);
   const auto length = std::llround(1e3 * options.exposure_ms);
   for (FrameFile& file : files) {
     if (length > 0 && file.time && file.time->duration_us() == 0)
@@ -220,10 +326,14 @@ void complete_exposures(const ReadOptions& options, Contents& contents) {
   const auto untimed =
       std::find_if(files.begin(), files.end(), [](const auto& f) { return !f.time; });
   if (options.frames.empty() || untimed == files.end()) return;
-  const auto pulses = exposures_of(recording.triggers, options.trigger_level).size();
-  throw DataError(concat(options.frames.string(), ": ", files.size(), " frames without times",
-                         pulses > 0 ? concat(" and ", pulses, " trigger pulses") : "", "; ",
-                         kGiveTimes));
+  const Triggers& edges = recording.triggers;
+  const bool has_edges = !edges.rising_us.empty() || !edges.falling_us.empty();
+  throw DataError(concat(options.frames.string(), ": expected one time per frame, found ",
+                         files.size(), " frames without times",
+                         has_edges ? " and, on the trigger input, " +
+                                         said_of(edges, exposures_of(edges, options.trigger_level))
+                                   : "",
+                         "; ", kGiveTimes));
 }
 
 }  // namespace jade::recording

@@ -72,7 +72,7 @@ void read_records(const fs::path& path, const Kept& kept, const ReadOptions& opt
     events::ClockOrder order;
     const int64_t* const times = t.const_data_ptr<int64_t>();
     std::for_each(times, times + t.numel(), [&](int64_t time) { order.add(time); });
-    if (!order.sorted()) recording.notes.push_back(concat(path.string(), ": ", order.fault()));
+    if (!order.sorted()) recording.warnings.push_back(concat(path.string(), ": ", order.fault()));
   }
   recording.events =
       survey.sorted() ? events::EventStream(x, y, t, p) : events::sort_events(x, y, t, p);
@@ -113,8 +113,8 @@ Contents read_metavision(const fs::path& path, const ReadOptions& options) {
   if (!(geometry >> recording.width >> by >> recording.height))
     recording.width = recording.height = 0;
   read_triggers(file, recording);
-  out.read_events = [path, options](const Kept& kept, Recording& to) {
-    read_records(path, kept, options, to);
+  out.read_events = [path, options](const Wanted& wanted, Recording& to) {
+    read_records(path, wanted.kept, options, to);
   };
   return out;
 }

@@ -11,6 +11,7 @@
 #include "jade/events/stream_faults.h"
 #include "jade/imaging/event_cover.h"
 #include "jade/recording/contents.h"
+#include "jade/recording/event_folder.h"
 #include "jade/recording/format.h"
 
 namespace jade::recording {
@@ -177,7 +178,7 @@ void find_sensor_size(Recording& recording) {
   const std::string sizes = concat("events lie within ", right, "x", bottom, " px, frames are ",
                                    width, "x", height, " px: ");
   if (!inside && share_beside(recording.events, width, height) > kManyBeside) {
-    recording.notes.push_back(
+    recording.warnings.push_back(
         concat("expected frames of the event sensor's pixels, but ", sizes,
                is_scaled(right / width, bottom / height)
                    ? "the frames seem to be reduced, or of another camera"
@@ -200,11 +201,16 @@ void drop_outside(Recording& recording) {
                                    .logical_and(all.y().lt(double(recording.height) - 0.5));
   const int64_t outside = all.size() - inside.sum().item<int64_t>();
   if (outside == 0) return;
-  recording.notes.push_back(concat(outside, " of ", all.size(), " events lie beside the ",
-                                   recording.width, "x", recording.height,
-                                   " sensor and were dropped"));
+  recording.warnings.push_back(concat(outside, " of ", all.size(), " events lie beside the ",
+                                      recording.width, "x", recording.height,
+                                      " sensor and were dropped"));
   recording.events = {all.x().masked_select(inside), all.y().masked_select(inside),
                       all.t_us().masked_select(inside), all.polarity().masked_select(inside)};
+}
+
+void note_strays(Recording& recording) {
+  std::string strays = events::drop_strays(recording.events);
+  if (!strays.empty()) recording.warnings.push_back(std::move(strays));
 }
 
 void note_frames(Recording& recording) {
@@ -245,15 +251,16 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
   });
   // A single frame may begin at 0.
   if (covered == 0 && first > 0 && without_stamp == int64_t(frames.size())) {
-    recording.notes.push_back(concat("all ", frames.size(),
-                                     " frames have a stamp of 0: their driver wrote no times; give "
-                                     "their exposures with --frame-times"));
+    recording.warnings.push_back(
+        concat("all ", frames.size(),
+               " frames have a stamp of 0: their driver wrote no times; give "
+               "their exposures with --frame-times"));
     return;
   }
-  recording.notes.push_back(concat(frames.size() - size_t(covered), " of ", frames.size(),
-                                   " frames lie outside the time of the events (",
-                                   seconds_of(first), " to ", seconds_of(last), " s)",
-                                   covered == 0 ? "; the two clocks may differ" : ""));
+  recording.warnings.push_back(concat(frames.size() - size_t(covered), " of ", frames.size(),
+                                      " frames lie outside the time of the events (",
+                                      seconds_of(first), " to ", seconds_of(last), " s)",
+                                      covered == 0 ? "; the two clocks may differ" : ""));
 }
 
 /// Notes exposures without events among those that the events cover.
@@ -269,10 +276,10 @@ void note_pauses(int64_t ahead_us, Recording& recording) {
     if (recording.events.slice(begin, end).empty()) without.push_back(frame.name);
   }
   if (without.empty()) return;
-  recording.notes.push_back(concat(without.size(), " of ", recording.frames.size(),
-                                   " exposures have no events (the first is ", without.front(),
-                                   "), although events come before and after; did the recording "
-                                   "lose events, or the camera stand still?"));
+  recording.warnings.push_back(concat(without.size(), " of ", recording.frames.size(),
+                                      " exposures have no events (the first is ", without.front(),
+                                      "), although events come before and after; did the recording "
+                                      "lose events, or the camera stand still?"));
 }
 
 /// Notes faults of the events as a whole.
@@ -285,7 +292,7 @@ void note_events(Recording& recording) {
     if (shared) faults.push_back(imaging::cover_fault(recording.events, image));
   }
   for (const std::string& fault : faults) {
-    if (!fault.empty()) recording.notes.push_back(fault);
+    if (!fault.empty()) recording.warnings.push_back(fault);
   }
 }
 
@@ -296,13 +303,17 @@ void note_unused(const fs::path& path, Recording& recording) {
     std::error_code ignored;
     return fs::is_regular_file(folder / name, ignored);
   };
-  for (const char* const map : {"rectify_map.h5", "events/rectify_map.h5"}) {
+  for (const char* const map :
+       {"rectify_map.h5", "events/rectify_map.h5", "events/left/rectify_map.h5"}) {
     if (!has(map)) continue;
     recording.notes.push_back(concat((folder / map).string(),
                                      ": DSEC's map of the events is not used; give the cameras "
                                      "with --calibration, by which events are rectified"));
     break;
   }
+  const bool lacks = recording.stored_events == 0 || recording.frames.empty();
+  for (const std::string& packed : lacks ? packed_files(path) : std::vector<std::string>())
+    recording.warnings.push_back(concat(folder.string(), ": has ", packed));
   std::string found;
   for (const char* const poses :
        {"poses.txt", "poses.csv", "groundtruth.txt", "groundtruth.csv", "ground_truth.txt",
@@ -358,7 +369,10 @@ Recording read_recording(const fs::path& path, const ReadOptions& options) {
   complete_exposures(options, contents);
   const auto span = wanted_span(options, contents);
   if (span) cut_to(*span, contents);
-  if (contents.read_events) contents.read_events(kept_spans(options, span, contents), recording);
+  const Wanted wanted{kept_spans(options, span, contents),
+                      span_of(contents.files, options.near_frames_ahead_us.value_or(0))};
+  if (contents.read_events) contents.read_events(wanted, recording);
+  if (!wanted.kept) note_strays(recording);
   recording.mask_root = mask_root(path, options, contents);
   read_frames(std::move(contents.files), recording);
   check_unit(recording);

@@ -49,7 +49,8 @@ struct Recording {
   std::filesystem::path mask_root;
   std::shared_ptr<const void> keep;  ///< removes mask_root with its last owner, if it is temporary
   std::optional<CalibrationFile> calibration;
-  std::vector<std::string> notes;  ///< information for the user, one line each
+  std::vector<std::string> notes;     ///< information for the user, one line each
+  std::vector<std::string> warnings;  ///< faults of the recording, repaired or left out
 };
 
 struct ReadOptions {

@@ -13,8 +13,10 @@
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/accents.h"
+#include "jade/io/text.h"
 #include "jade/io/zip.h"
 #include "jade/recording/contents.h"
+#include "jade/recording/event_folder.h"
 
 namespace jade::recording {
 namespace {
@@ -51,11 +53,10 @@ std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
 }
 
 /// Replaces single times by the exposures of exposures.csv.
-void add_exposures(const fs::path& folder, std::vector<FrameFile>& files,
-                   std::vector<std::string>& notes) {
+void add_exposures(const fs::path& folder, std::vector<FrameFile>& files, Recording& recording) {
   const fs::path list = folder / "exposures.csv";
   if (!fs::is_regular_file(list)) return;
-  apply_exposures(list, read_exposures(list), files, notes);
+  apply_exposures(list, read_exposures(list), files, recording);
 }
 
 /// Prefix of the recording in an archive: "" or "folder/".
@@ -72,11 +73,23 @@ std::string prefix_of(const io::Zip& archive) {
   return best.substr(0, best.size() - std::min<size_t>(best.size(), 10));
 }
 
+/// The name with its ending in other letters: "a.PNG" for "a.png" and the reverse.
+fs::path with_other_ending(const fs::path& name) {
+  const std::string ending = name.extension().string();
+  std::string other;
+  for (const char letter : ending) {
+    const auto c = static_cast<unsigned char>(letter);
+    other += char(std::islower(c) != 0 ? std::toupper(c) : std::tolower(c));
+  }
+  return fs::path(name).replace_extension(other);
+}
+
 /// Lists of other tools omit the folder images/, and lists copied into that folder still contain
-/// it. Accents may be in another form than the file's.
+/// it. Accents may be in another form than the file's, and the ending in capitals.
 fs::path listed_file(const fs::path& folder, const fs::path& name) {
   for (const fs::path& file : {folder / name, folder / "images" / name, folder / name.filename()}) {
     if (fs::is_regular_file(file)) return file;
+    if (fs::is_regular_file(with_other_ending(file))) return with_other_ending(file);
     if (const fs::path respelled = io::respelled(file); fs::is_regular_file(respelled))
       return respelled;
   }
@@ -102,10 +115,10 @@ fs::path file_of_line(const fs::path& folder, std::string text) {
   return text.substr(0, text.find_first_of(kBlanks));
 }
 
-/// Skips images that are missing or listed twice, and notes them. If all are missing, the image
+/// Skips images that are missing or listed twice, and warns of them. If all are missing, the image
 /// reader reports the first.
 void tidy_list(const fs::path& list, std::vector<FrameFile>& files,
-               std::vector<std::string>& notes) {
+               std::vector<std::string>& warnings) {
   std::vector<FrameFile> kept;
   std::vector<std::string> missing, twice, unlisted;
   std::set<fs::path> known, folders;
@@ -127,15 +140,15 @@ void tidy_list(const fs::path& list, std::vector<FrameFile>& files,
       if (known.count(path.lexically_normal()) == 0) unlisted.push_back(path.filename().string());
     }
   }
-  const auto note = [&](const std::vector<std::string>& names, const char* what, const char* fix) {
+  const auto warn = [&](const std::vector<std::string>& names, const char* what, const char* fix) {
     if (names.empty()) return;
-    notes.push_back(
+    warnings.push_back(
         concat(list.string(), ": ", names.size(), what, " (", names.front(), "); ", fix));
   };
-  note(missing, " listed images are not there and are left out",
+  warn(missing, " listed images are not there and are left out",
        "add the files or remove the lines");
-  note(twice, " images are listed twice, the later times are left out", "keep one line for each");
-  note(unlisted, " images of the folder are not listed and are left out",
+  warn(twice, " images are listed twice, the later times are left out", "keep one line for each");
+  warn(unlisted, " images of the folder are not listed and are left out",
        "add lines with their times to use them");
   files = std::move(kept);
 }
@@ -158,8 +171,8 @@ void set_times(const fs::path& list, const std::vector<double>& times,
 
 }  // namespace
 
-std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::string>& notes) {
-  std::istringstream text(without_mark(read_file(list)));
+std::vector<FrameFile> listed_images(const fs::path& list, Recording& recording) {
+  std::istringstream text(io::read_text(list));
   std::vector<FrameFile> out;
   std::vector<double> times;
   std::vector<std::string> respelled;
@@ -171,6 +184,7 @@ std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::stri
     std::istringstream words(line);
     std::string time, rest;
     if (!(words >> time) || time[0] == '#') continue;
+    time = io::with_point(time);
     std::getline(words, rest);
     const fs::path name = file_of_line(list.parent_path(), rest);
     double value = 0;
@@ -183,11 +197,11 @@ std::vector<FrameFile> listed_images(const fs::path& list, std::vector<std::stri
     }
     times.push_back(value);
     out.push_back({listed_file(list.parent_path(), name), std::nullopt});
-    if (out.back().path.filename() != name.filename()) respelled.push_back(name.string());
+    if (out.back().path.stem() != name.stem()) respelled.push_back(name.string());
   }
-  set_times(list, times, out, notes);
-  note_respelled(list, respelled, notes);
-  tidy_list(list, out, notes);
+  set_times(list, times, out, recording.notes);
+  note_respelled(list, respelled, recording.notes);
+  tidy_list(list, out, recording.warnings);
   return out;
 }
 
@@ -199,10 +213,10 @@ Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
   recording.stamp = Stamp::kMiddle;
   recording.calibration = find_calibration(folder);
   const fs::path list = folder / "images.txt";
-  out.files =
-      fs::is_regular_file(list) ? listed_images(list, recording.notes) : unlisted_images(folder);
-  if (!out.files.empty()) add_exposures(folder, out.files, recording.notes);
-  out.read_events = events_of(folder / "events.txt", options, std::nullopt, recording);
+  out.files = fs::is_regular_file(list) ? listed_images(list, recording) : unlisted_images(folder);
+  if (!out.files.empty()) add_exposures(folder, out.files, recording);
+  if (out.files.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
+  out.read_events = events_of(text_events_in(folder), options, std::nullopt, recording);
   return out;
 }
 
@@ -227,6 +241,10 @@ Contents read_rpg_zip(const fs::path& path, const ReadOptions& options) {
   }
   Contents out = read_rpg(folder->path(), options);
   out.recording.format = "zip of an RPG text folder";
+  for (std::string& warning : out.recording.warnings) {
+    const std::string unpacked = folder->path().string();
+    if (warning.rfind(unpacked, 0) == 0) warning = path.string() + warning.substr(unpacked.size());
+  }
   out.keep = folder;
   if (has_masks) {
     out.recording.mask_root = folder->path();

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lists of numbers that public data sets have beside their frames, one line per frame in the order
+// of the names:
+//   DSEC     images/left/exposure_timestamps.txt "start, end", images/timestamps.txt, both in us;
+//            downloaded as SEQUENCE_image_exposure_timestamps_left.txt,
+//            SEQUENCE_image_timestamps.txt
+//   EDS      images_timestamps.txt in us, times.txt "number seconds milliseconds" as DSO reads it
+//   TUM-VIE  left_images/image_timestamps_left.txt, image_exposures_left.txt, both in us
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <sstream>
+#include <string>
+#include <torch/types.h>
+
+#include "jade/core/error.h"
+#include "jade/io/text.h"
+#include "jade/recording/contents.h"
+
+namespace jade::recording {
+namespace {
+
+namespace fs = std::filesystem;
+using events::TimeUnit;
+
+/// The numbers of a line.
+using Row = std::vector<double>;
+
+/// A list that was found; no rows: none.
+struct NumberList {
+  fs::path path;
+  std::vector<Row> rows;
+};
+
+std::string file_name(const FrameFile& file) { return file.path.filename().string(); }
+
+bool has_ending(const std::string& name, const std::string& ending) {
+  return name.size() >= ending.size() &&
+         name.compare(name.size() - ending.size(), ending.size(), ending) == 0;
+}
+
+/// "left" or "right": the camera whose frames a folder has.
+std::string side_of(const fs::path& images) {
+  const fs::path whole = fs::absolute(images).lexically_normal();
+  for (const fs::path& part : {whole, whole.parent_path()}) {
+    if (part.filename().string().find("right") != std::string::npos) return "right";
+  }
+  return "left";
+}
+
+/// Folders that may have lists: that of the images and, if its name is one of the layouts', those
+/// above it.
+std::vector<fs::path> folders_of(const fs::path& images) {
+  const fs::path own = fs::absolute(images).lexically_normal();
+  std::vector<fs::path> out{own.has_filename() ? own : own.parent_path()};
+  const auto is_named = [&](const std::string& part) {
+    return out.back().filename().string().find(part) != std::string::npos;
+  };
+  for (const char* part : {"image", "frame", "rectified", "distorted", "left", "right"}) {
+    if (!is_named(part)) continue;
+    out.push_back(out.back().parent_path());
+    break;
+  }
+  if (out.size() == 2 && (is_named("left") || is_named("right")))
+    out.push_back(out.back().parent_path());
+  return out;
+}
+
+/// The first file with one of these names, nearest to the images first; else the only one whose
+/// name ends in `ending`. Empty if there is none.
+/// @param ending  of names that begin with that of a sequence; empty: there are none
+/// @throws DataError if several files have such an ending.
+fs::path find_list(const std::vector<fs::path>& folders, const std::vector<std::string>& names,
+                   const std::string& ending = "") {
+  for (const fs::path& folder : folders) {
+    for (const std::string& name : names) {
+      if (fs::is_regular_file(folder / name)) return folder / name;
+    }
+    std::vector<std::string> found;
+    std::error_code error;
+    for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+         entry.increment(error)) {
+      const std::string name = entry->path().filename().string();
+      if (name[0] != '.' && !ending.empty() && has_ending(name, ending)) found.push_back(name);
+    }
+    std::sort(found.begin(), found.end());
+    if (found.size() == 1) return folder / found.front();
+    if (found.empty()) continue;
+    throw DataError(concat(folder.string(), ": expected one list of times for the frames, found ",
+                           found[0], " and ", found[1], "; rename that of the frames to ",
+                           names.front()));
+  }
+  return {};
+}
+
+/// The numbers of a line, separated by blanks, semicolons or tabs, else by commas. No value for
+/// other text, but for a file name after two numbers or more.
+std::optional<Row> numbers_of(std::string line) {
+  const bool is_parted = line.find_first_of(";\t") != std::string::npos;
+  std::replace_if(
+      line.begin(), line.end(),
+      [&](char c) { return c == ';' || c == '\r' || (c == ',' && !is_parted); }, ' ');
+  Row row;
+  std::istringstream words(line);
+  for (std::string word; words >> word;) {
+    word = io::with_point(word);
+    double value = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+    if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(value)) {
+      if (row.size() < 2) return std::nullopt;
+      break;
+    }
+    row.push_back(value);
+  }
+  return row;
+}
+
+/// @param least,most  numbers per line
+/// @throws DataError naming a line that has fewer or more.
+NumberList read_list(const fs::path& path, size_t least, size_t most) {
+  NumberList list{path, {}};
+  if (path.empty()) return list;
+  std::istringstream text(io::read_text(path));
+  int64_t number = 0;
+  for (std::string line; std::getline(text, line);) {
+    ++number;
+    const auto first = line.find_first_not_of(" \t\r");
+    if (first == std::string::npos || line[first] == '#') continue;
+    const std::optional<Row> row = numbers_of(line);
+    const bool is_header = !row && list.rows.empty() && number == 1;
+    if (is_header) continue;
+    const size_t wanted = list.rows.empty() ? least : list.rows.front().size();
+    if (!row || row->size() < wanted || row->size() > (list.rows.empty() ? most : wanted)) {
+      throw DataError(concat(path.string(), ":", number, ": expected ", wanted,
+                             wanted == 1 ? " number" : " numbers", " for a frame, found '",
+                             line.substr(0, 60), "'; correct the line"));
+    }
+    list.rows.push_back(*row);
+  }
+  return list;
+}
+
+/// The number at the end of a file's name; no value for names without.
+std::optional<size_t> number_of(const fs::path& file) {
+  const std::string name = file.stem().string();
+  const size_t first = name.find_last_not_of("0123456789") + 1;
+  size_t number = 0;
+  if (std::from_chars(name.data() + first, name.data() + name.size(), number).ec != std::errc())
+    return std::nullopt;
+  return number;
+}
+
+/// The row of each file: in the order of names or, of a part of the frames, by their numbers.
+/// @throws DataError if a file has no row.
+std::vector<Row> rows_of(const NumberList& list, const std::vector<FrameFile>& files,
+                         std::vector<std::string>& notes) {
+  if (list.rows.size() == files.size()) return list.rows;
+  std::vector<Row> out;
+  for (const FrameFile& file : files) {
+    const std::optional<size_t> number = number_of(file.path);
+    if (!number || *number >= list.rows.size()) {
+      throw DataError(concat(list.path.string(), ": expected one line per frame, found ",
+                             list.rows.size(), " lines for ", files.size(),
+                             " frames, and none for ", file_name(file),
+                             "; add the frames or their lines"));
+    }
+    out.push_back(list.rows[*number]);
+  }
+  notes.push_back(concat(list.path.string(), ": has ", list.rows.size(), " lines for ",
+                         files.size(), " frames; each frame has the line of its number, from 0"));
+  return out;
+}
+
+/// The unit of such times: microseconds, unless frames would be less than 0.2 ms or more than 2 s
+/// apart. Fractions say nothing, as some have fractions of a microsecond.
+TimeUnit unit_of(const std::vector<double>& times) {
+  constexpr double kShortestUs = 200, kLongestUs = 2e6;
+  std::vector<double> steps;
+  for (size_t i = 1; i < times.size(); ++i) steps.push_back(std::abs(times[i] - times[i - 1]));
+  if (steps.empty()) return TimeUnit::kUs;
+  const auto middle = steps.begin() + std::ptrdiff_t(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  for (const TimeUnit unit : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS, TimeUnit::kMs}) {
+    const double step_us = *middle * events::us_per_unit(unit);
+    if (times.back() > events::kOnlyNs && unit != TimeUnit::kNs) continue;
+    if (step_us >= kShortestUs && step_us <= kLongestUs) return unit;
+  }
+  return TimeUnit::kUs;
+}
+
+/// Times in us of one column.
+std::vector<int64_t> column_us(const std::vector<Row>& rows, size_t column, TimeUnit unit,
+                               const fs::path& list, std::vector<std::string>& notes) {
+  std::vector<double> times;
+  for (const Row& row : rows) times.push_back(row[column]);
+  if (unit == TimeUnit::kAuto) {
+    unit = unit_of(times);
+    if (unit != TimeUnit::kUs) {
+      notes.push_back(concat(list.string(),
+                             ": expected times in us, found frames too far apart or ",
+                             "too close for that; they are read as ", word_of(unit)));
+    }
+  }
+  return events::times_us(torch::tensor(times, torch::kFloat64), unit, list.string());
+}
+
+/// Reads DSEC's list of exposures. False if there is none.
+bool add_spans(const std::vector<fs::path>& folders, const std::string& side, TimeUnit unit,
+               std::vector<FrameFile>& files, Recording& recording) {
+  std::vector<std::string>& notes = recording.notes;
+  const std::string whole = "image_exposure_timestamps_" + side + ".txt";
+  const NumberList list = read_list(
+      find_list(folders, {"exposure_timestamps.txt", "exposure_timestamps_" + side + ".txt", whole},
+                "_" + whole),
+      2, 2);
+  if (list.rows.empty()) return false;
+  const std::vector<Row> rows = rows_of(list, files, notes);
+  const auto starts = column_us(rows, 0, unit, list.path, notes);
+  const auto ends = column_us(rows, 1, unit, list.path, notes);
+  for (size_t i = 0; i < files.size(); ++i) {
+    files[i].time = events::TimeWindow{starts[i], ends[i]};
+    if (starts[i] <= ends[i]) continue;
+    throw DataError(concat(list.path.string(), ": ", file_name(files[i]), " ends at ", ends[i],
+                           " us, before its start at ", starts[i], " us; swap the two"));
+  }
+  notes.push_back(concat(list.path.string(), ": has the exposures of the frames"));
+  check_apart(list.path, files, recording);
+  return true;
+}
+
+/// Lengths of the exposures, in us.
+struct Lengths {
+  fs::path path;  ///< empty: they are not known
+  std::vector<int64_t> us;
+};
+
+Lengths find_lengths(const std::vector<fs::path>& folders, const std::string& side,
+                     const NumberList& dso, const std::vector<FrameFile>& files,
+                     std::vector<std::string>& notes) {
+  const NumberList list = read_list(find_list(folders, {"image_exposures_" + side + ".txt"}), 1, 1);
+  Lengths out;
+  if (!list.rows.empty()) {
+    out = {list.path, column_us(rows_of(list, files, notes), 0, TimeUnit::kUs, list.path, notes)};
+  } else if (!dso.rows.empty() && dso.rows.front().size() >= 3) {
+    out = {dso.path, column_us(rows_of(dso, files, notes), 2, TimeUnit::kMs, dso.path, notes)};
+  }
+  for (size_t i = 0; i < out.us.size(); ++i) {
+    if (out.us[i] >= 0) continue;
+    throw DataError(concat(out.path.string(), ": expected exposures of 0 us and more, found ",
+                           out.us[i], " us for ", file_name(files[i]), "; correct the line"));
+  }
+  return out;
+}
+
+/// The column of the times, before which the frames may be counted.
+/// @throws DataError naming a line with two numbers that do not count.
+size_t time_column(const NumberList& list) {
+  if (list.rows.front().size() == 1) return 0;
+  for (size_t i = 0; i < list.rows.size(); ++i) {
+    if (list.rows[i][0] == list.rows[0][0] + double(i)) continue;
+    throw DataError(concat(list.path.string(), ": expected one time per frame, found ",
+                           list.rows[i][0], " and ", list.rows[i][1], " for frame ", i,
+                           "; write one number per line, with a decimal point"));
+  }
+  return 1;
+}
+
+}  // namespace
+
+bool add_frame_list(const fs::path& images, const ReadOptions& options,
+                    std::vector<FrameFile>& files, Recording& recording) {
+  if (files.empty()) return false;
+  const std::vector<fs::path> folders = folders_of(images);
+  const std::string side = side_of(images);
+  std::vector<std::string>& notes = recording.notes;
+  if (add_spans(folders, side, options.time_unit, files, recording)) return true;
+  const NumberList dso = read_list(find_list(folders, {"times.txt"}), 2, 5);
+  const NumberList stamps =
+      read_list(find_list(folders,
+                          {"image_timestamps_" + side + ".txt", "images_timestamps.txt",
+                           "image_timestamps.txt", "timestamps.txt"},
+                          "_image_timestamps.txt"),
+                1, 2);
+  const NumberList& source = stamps.rows.empty() ? dso : stamps;
+  if (source.rows.empty()) return false;
+  const size_t column = &source == &dso ? 1 : time_column(source);
+  const std::vector<int64_t> at =
+      column_us(rows_of(source, files, notes), column,
+                &source == &dso ? TimeUnit::kS : options.time_unit, source.path, notes);
+  const Lengths lengths = find_lengths(folders, side, dso, files, notes);
+  const Stamp stamp = options.stamp.value_or(recording.stamp);
+  for (size_t i = 0; i < files.size(); ++i)
+    files[i].time = exposure_at(at[i], lengths.us.empty() ? 0 : lengths.us[i], stamp);
+  notes.push_back(concat(source.path.string(), ": has one time per frame; it is taken as the ",
+                         word_of(stamp), " of the exposure",
+                         lengths.path.empty()
+                             ? ""
+                             : concat(", whose length is in ", lengths.path.filename().string())));
+  check_apart(source.path, files, recording);
+  return true;
+}
+
+}  // namespace jade::recording
