@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <iomanip>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "common/cli.h"
 #include "jade/core/atomic_file.h"
+#include "jade/core/folder_lock.h"
 #include "jade/core/readable.h"
 #include "jade/io/npy.h"
 #include "jade/simulate/simulator.h"
@@ -30,17 +32,104 @@ std::optional<simulate::SimulateRun> load(apps::Program& program) {
   return program.load_options<CdavisRun>();
 }
 
-void check_output(const std::filesystem::path& folder, bool force) {
-  if (folder.empty()) {
-    throw ConfigError(
-        "--output: expected a folder for the data set, found nothing; add --output DIR");
+namespace fs = std::filesystem;
+
+using Names = std::vector<const char*>;
+
+/// Names of the files and folders of data sets and recordings.
+const Names kWritten{"images_1",
+                     "sharp",
+                     "held_out.txt",
+                     "gains.csv",
+                     "points.npz",
+                     "ev_map.npz",
+                     "events.h5",
+                     "poses_bounds.npy",
+                     "all_poses_bounds.npy",
+                     "all_timestamps.npy",
+                     "images",
+                     "images.txt",
+                     "exposures.csv",
+                     "calib.txt",
+                     "events.txt",
+                     "calibration.yaml",
+                     "camchain.yaml",
+                     "truth",
+                     "simulation.yaml"};
+const Names kFootage{"footage.npy"};
+
+/// The folder of the results. Other runs cannot use it during the object's lifetime; a new folder
+/// without results is removed.
+class Output {
+ public:
+  /// @param names  of the results, which replace those of an earlier run
+  /// @param force  the folder may have files
+  /// @throws ConfigError for a folder with files, DataError if another run is at work there.
+  Output(fs::path folder, Names names, bool force)
+      : folder_(std::move(folder)), names_(std::move(names)), force_(force) {
+    check();
+    is_new_ = !fs::exists(folder_);
+    make_writable_folder(folder_);
+    lock_ = FolderLock::take(folder_);
+    if (!lock_) {
+      throw DataError(concat(folder_.string(),
+                             ": another jade_simulate is at work here; wait for it or choose "
+                             "another --output"));
+    }
+    check();  // a run may have ended since
   }
-  if (!force && std::filesystem::exists(folder) &&
-      (!std::filesystem::is_directory(folder) || !std::filesystem::is_empty(folder))) {
-    throw ConfigError(concat("--output: expected a new or empty folder, found files in ",
-                             folder.string(), "; choose another, or add --force"));
+  ~Output() {
+    std::error_code ignored;
+    if (lock_) fs::remove(folder_ / ".lock", ignored);
+    if (lock_ && is_new_) fs::remove(folder_, ignored);  // does not remove a folder with content
   }
-}
+  Output(const Output&) = delete;
+  Output& operator=(const Output&) = delete;
+
+  /// Calls `write` with an empty folder, then puts its content into this one. A data set truncated
+  /// by a full disk would be read as a smaller one.
+  template <class Write>
+  void fill(const Write& write) {
+    AtomicFolder whole(folder_);
+    write(whole.temporary_path());
+    for (const char* name : names_) fs::remove_all(folder_ / name);
+    whole.commit();
+  }
+
+ private:
+  static bool is_hidden(const fs::path& path) { return path.filename().string()[0] == '.'; }
+  bool has_files() const {
+    if (!fs::is_directory(folder_)) return fs::exists(folder_);
+    return !std::all_of(fs::directory_iterator(folder_), fs::directory_iterator(),
+                        [](const auto& entry) { return is_hidden(entry.path()); });
+  }
+  void check() const {
+    if (folder_.empty()) {
+      throw ConfigError(
+          "--output: expected a folder for the data set, found nothing; add --output DIR");
+    }
+    if (!has_files()) return;
+    if (!force_ || !fs::is_directory(folder_)) {
+      throw ConfigError(concat("--output: expected a new or empty folder, found files in ",
+                               folder_.string(), "; choose another, or add --force"));
+    }
+    if (names_ == kFootage) return;
+    for (const char* made : {"simulation.yaml", "truth/simulation.yaml"}) {
+      if (fs::exists(folder_ / made)) return;
+    }
+    for (const char* name : names_) {
+      if (!fs::exists(folder_ / name)) continue;
+      throw ConfigError(concat("--force: expected results of jade_simulate to replace, found ",
+                               name, " without a simulation.yaml in ", folder_.string(),
+                               "; choose another folder, or remove it"));
+    }
+  }
+
+  fs::path folder_;
+  Names names_;
+  bool force_ = false, is_new_ = false;
+  std::optional<FolderLock> lock_;
+};
 
 void report(const simulate::SimulateResult& result, const std::filesystem::path& folder,
             bool json) {
@@ -75,26 +164,11 @@ void report(const simulate::SimulateResult& result, const std::filesystem::path&
   }
 }
 
-/// Writes atomically: a data set truncated by a full disk would be read as a smaller one.
-void write(const simulate::SimulateResult& result, const simulate::SimulateRun& run,
-           const std::filesystem::path& folder, bool recording) {
-  const auto write_into = recording ? simulate::write_recording : simulate::write;
-  // the user gave --force
-  if (std::filesystem::exists(folder) && !std::filesystem::is_empty(folder)) {
-    write_into(result, run, folder);
-    return;
-  }
-  AtomicFolder whole(folder);
-  write_into(result, run, whole.temporary_path());
-  whole.commit();
-}
-
-void write_footage(const simulate::SimulateRun& run, int64_t frames,
-                   const std::filesystem::path& folder) {
+void write_footage(const simulate::SimulateRun& run, int64_t frames, const fs::path& name,
+                   Output& output) {
   const torch::Tensor footage = simulate::exposure_footage(run, frames);
-  std::filesystem::create_directories(folder);
-  io::write_npy(folder / "footage.npy", footage);
-  std::cout << (folder / "footage.npy").string() << ": " << footage.size(0) << " exposures of "
+  output.fill([&](const fs::path& folder) { io::write_npy(folder / "footage.npy", footage); });
+  std::cout << (name / "footage.npy").string() << ": " << footage.size(0) << " exposures of "
             << frames << " frames\n";
 }
 
@@ -113,7 +187,8 @@ int main(int argc, char** argv) {
   program.add_json_flag();
   bool force = false;
   program.begin_group("Output");
-  program.cli().add_flag("--force", force, "Write into a folder that already holds files");
+  program.cli().add_flag("--force", force,
+                         "Replace the results of an earlier run in the folder; other files stay");
   bool recording = false;
   program.cli().add_flag("--recording", recording,
                          "Write a recording without poses, as a camera does, for jade_import; the "
@@ -131,9 +206,9 @@ int main(int argc, char** argv) {
   return program.run(argc, argv, [&] {
     auto run = load(program);
     if (!run) return ExitCode::kOk;
-    check_output(program.output(), force);
+    Output output(program.output(), footage > 0 ? kFootage : kWritten, force);
     if (footage > 0) {
-      write_footage(*run, footage, program.output());
+      write_footage(*run, footage, program.output(), output);
       return ExitCode::kOk;
     }
     if (run->simulate.event_camera.is_beside() && !recording) {
@@ -144,7 +219,8 @@ int main(int argc, char** argv) {
     // The true data set beside a recording has exact poses.
     if (recording) run->simulate.poses = {};
     const auto result = simulate::simulate(*run);
-    write(result, *run, program.output(), recording);
+    const auto write_into = recording ? simulate::write_recording : simulate::write;
+    output.fill([&](const fs::path& folder) { write_into(result, *run, folder); });
     report(result, program.output(), program.json());
     return ExitCode::kOk;
   });

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/folder_lock.h"
 #include "support/naming.h"
 #include "support/programs.h"
 #include "support/temp_dir.h"
@@ -240,6 +241,32 @@ TEST_CASE("jade_simulate: a disk that is full leaves no half of a data set", "[a
   }
   CHECK(run(dir, tiny + "scene").code == 0);
   CHECK(fs::exists(dir / "scene" / "events.h5"));
+}
+
+TEST_CASE("jade_simulate: a used folder is refused, and replaced without remains", "[apps]") {
+  const test::TempDir dir;
+  const auto simulate = [&](int exposures, const std::string& flags) {
+    return concat("jade_simulate --quiet --set simulate.exposures=", exposures,
+                  " --set simulate.test_views=0 --set simulate.seen_test_views=0 --set "
+                  "simulate.width=36 --set simulate.height=28 --set simulate.focal_px=40 --set "
+                  "simulate.motion.blur_px=3 ",
+                  flags);
+  };
+  REQUIRE(run(dir, simulate(3, "--recording --output scene")).code == 0);
+  write_file(dir / "scene/notes.md", "mine");
+  check_error(run(dir, simulate(2, "--output scene")), 2, "--output", "scene", "--force");
+  REQUIRE(run(dir, simulate(2, "--force --output scene")).code == 0);
+  for (const char* old : {"images", "events.txt", "images.txt", "truth"})
+    CHECK_FALSE(fs::exists(dir / "scene" / old));
+  CHECK(fs::exists(dir / "scene/notes.md"));
+  CHECK(fs::exists(dir / "scene/events.h5"));
+  CHECK_FALSE(fs::exists(dir / "scene/.lock"));
+  fs::remove(dir / "scene/simulation.yaml");
+  check_error(run(dir, simulate(2, "--force --output scene")), 2, "--force", "images_1",
+              "simulation.yaml");
+  fs::create_directory(dir / "other");
+  const auto lock = FolderLock::take(dir / "other");
+  check_error(run(dir, simulate(2, "--output other")), 3, "other", "another jade_simulate");
 }
 
 TEST_CASE("programs: all answer --version and --help", "[apps]") {
