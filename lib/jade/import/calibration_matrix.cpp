@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/calibration_matrix.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "jade/core/error.h"
+
+namespace jade::import {
+
+using config::DocumentNode;
+
+namespace {
+
+/// Letters and digits of a name in lower case: files write camera_matrix, Camera_Matrix and
+/// cameraMatrix.
+std::string plain(const std::string& name) {
+  std::string out;
+  for (const unsigned char c : name) {
+    if (std::isalnum(c)) out += char(std::tolower(c));
+  }
+  return out;
+}
+
+using Names = std::vector<std::string>;
+const Names kMatrixNames{"cameramatrix", "intrinsicmatrix", "k", "m"};
+const Names kLensNames{
+    "distortioncoefficients", "distortioncoeffs", "distcoeffs", "distcoeff", "distortion", "d"};
+const Names kWidthNames{"imagewidth", "width"}, kHeightNames{"imageheight", "height"};
+const Names kSizeNames{"imagesize", "resolution"};
+
+/// The first key of a map with one of these names; empty if it has none.
+std::string key_among(const DocumentNode& node, const Names& names) {
+  for (const std::string& name : names) {
+    for (const auto& [key, value] : node.entries) {
+      if (plain(key) == name) return key;
+    }
+  }
+  return "";
+}
+
+Names marked(Names names, const std::string& mark) {
+  const size_t count = names.size();
+  for (size_t i = 0; i < count; ++i) names.push_back(mark + names[i]), names[i] += mark;
+  return names;
+}
+
+}  // namespace
+
+std::vector<CameraKeys> camera_keys(const DocumentNode& node) {
+  std::vector<CameraKeys> out;
+  for (const char* mark : {"", "0", "1", "2", "3", "left", "right"}) {
+    const Names matrix = *mark ? marked(kMatrixNames, mark) : kMatrixNames;
+    const std::string key = key_among(node, matrix);
+    // k1 alone is a lens coefficient.
+    if (key.empty() || node.find(key)->kind == DocumentNode::Kind::kText) continue;
+    const std::string lens = key_among(node, *mark ? marked(kLensNames, mark) : kLensNames);
+    out.push_back({key, lens.empty() ? "distortion_coefficients" : lens});
+    if (!*mark) break;
+  }
+  return out;
+}
+
+namespace {
+
+bool is_among(const std::string& word, const Names& names) {
+  return std::find(names.begin(), names.end(), word) != names.end();
+}
+
+}  // namespace
+
+LensKind lens_kind(const Section& section) {
+  static const Names kFisheyes{"fisheye",        "equidistant",    "equi",       "kannalabrandt",
+                               "kannalabrandt4", "kannalabrandt8", "kb4",        "kb8",
+                               "opencvfisheye",  "fisheyeopencv",  "pinholeequi"};
+  static const Names kPerspectives{
+      "plumbbob", "rationalpolynomial", "radtan",       "radialtangential", "brown", "brownconrady",
+      "opencv",   "fullopencv",         "pinholeradtan"};
+  static const Names kOther{"omni", "mei", "ds", "eucm", "fov", "doublesphere", "omnidirectional"};
+  LensKind kind = LensKind::kUnsaid;
+  std::string said_by;
+  for (const auto& [key, node] : section.node.entries) {
+    if (node.kind != DocumentNode::Kind::kText) continue;
+    const std::string name = plain(key), value = plain(node.text);
+    LensKind says = LensKind::kUnsaid;
+    if (name.find("fisheye") != std::string::npos) {
+      if (value.empty() || is_among(value, {"0", "false", "no", "off"})) continue;
+      if (!is_among(value, {"1", "true", "yes", "on"})) {
+        throw DataError(concat(section.where(key), ": expected 0 or 1, found '", node.text,
+                               "'; write 1 for the four coefficients of a fisheye lens"));
+      }
+      says = LensKind::kFisheye;
+    } else if (is_among(name, {"distortionmodel", "distortiontype", "lensmodel", "cameramodel",
+                               "cameratype", "projectionmodel"})) {
+      const bool of_lens = name.rfind("distortion", 0) == 0;
+      if (is_among(value, kFisheyes)) {
+        says = LensKind::kFisheye;
+      } else if (is_among(value, kPerspectives)) {
+        says = LensKind::kPerspective;
+      } else if (of_lens && value == "none") {
+        says = LensKind::kNone;
+      } else if ((of_lens && !value.empty()) || is_among(value, kOther)) {
+        // The value may also be a product name.
+        throw DataError(concat(section.where(key),
+                               ": expected plumb_bob, rational_polynomial or fisheye, found '",
+                               node.text, "'; calibrate with one of these models"));
+      }
+    }
+    if (says == LensKind::kUnsaid) continue;
+    if (kind != LensKind::kUnsaid && kind != says) {
+      throw DataError(concat(section.where(key), ": expected one model of the lens, found '",
+                             node.text, "' beside ", said_by, "; keep the right one"));
+    }
+    kind = says, said_by = concat(key, " '", node.text, "'");
+  }
+  return kind;
+}
+
+namespace {
+
+/// Rejects skew, binning and the like, which this program does not support.
+void check_plain_camera(const Section& section, const CameraKeys& keys,
+                        const std::vector<double>& matrix) {
+  if (matrix[0] == 0 && matrix[4] == 0) {
+    throw DataError(concat(section.where(keys.matrix),
+                           ": expected a camera matrix, found zeros: the camera was not calibrated "
+                           "when this was recorded; calibrate it"));
+  }
+  if (std::abs(matrix[1]) > 1e-3 * std::abs(matrix[0])) {
+    throw DataError(concat(section.where(keys.matrix), ": expected a matrix without skew, found ",
+                           matrix[1], " there; calibrate without"));
+  }
+  for (const char* const key : {"binning_x", "binning_y"}) {
+    const DocumentNode* const node = section.node.find(key);
+    if (node == nullptr || number(section, key, *node) <= 1) continue;
+    throw DataError(concat(section.where(key), ": expected 0 or 1, found ", node->text,
+                           "; the matrix is that of the whole sensor, calibrate at the recording's "
+                           "size"));
+  }
+}
+
+void read_size(const Section& section, CalibratedCamera& camera) {
+  const auto side = [&](const Names& names, const char* usual) {
+    const std::string found = key_among(section.node, names), key = found.empty() ? usual : found;
+    return int64_t(number(section, key, require(section, key, "the size calibrated for")));
+  };
+  const std::string both = key_among(section.node, kSizeNames);
+  if (!both.empty() && key_among(section.node, kWidthNames).empty()) {
+    const auto size = numbers(section, both, "[width, height]", 2);
+    camera.width = int64_t(size[0]), camera.height = int64_t(size[1]);
+  } else {
+    camera.width = side(kWidthNames, "image_width");
+    camera.height = side(kHeightNames, "image_height");
+  }
+}
+
+}  // namespace
+
+CalibratedCamera matrix_camera(const Section& section, const CameraKeys& keys, LensKind around) {
+  CalibratedCamera camera;
+  camera.name = section.name;
+  const auto matrix = numbers(section, keys.matrix, "a 3x3 camera matrix", 9);
+  check_plain_camera(section, keys, matrix);
+  camera.fx = matrix[0], camera.fy = matrix[4];
+  camera.cx = matrix[2] + 0.5, camera.cy = matrix[5] + 0.5;
+  read_size(section, camera);
+  const LensKind own = lens_kind(section), kind = own == LensKind::kUnsaid ? around : own;
+  if (kind == LensKind::kNone) return camera;
+  const bool is_fisheye = kind == LensKind::kFisheye;
+  const std::string& key = keys.lens;
+  const auto k = numbers(section, key, require(section, key, "the lens's coefficients"));
+  if (k.empty()) return camera;
+  const bool counts = is_fisheye ? k.size() == 4 : k.size() == 4 || k.size() == 5 || k.size() == 8;
+  // OpenCV writes up to 14 coefficients; those after the eighth are thin-prism and tilt terms.
+  bool thin = !is_fisheye && (k.size() == 12 || k.size() == 14);
+  for (size_t i = 8; thin && i < k.size(); ++i) thin = k[i] == 0;
+  if (!counts && !thin) {
+    throw DataError(concat(section.where(key), ": expected ", is_fisheye ? "4" : "4, 5 or 8",
+                           " coefficients, found ", k.size(),
+                           "; calibrate without thin-prism and tilt terms"));
+  }
+  camera.lens = checked(is_fisheye ? fisheye(k) : radial_tangential(k), k);
+  return camera;
+}
+
+}  // namespace jade::import
