@@ -105,6 +105,29 @@ TEST_CASE("scene file: every format that is written is read within its steps", "
   }
 }
 
+TEST_CASE("scene file: .compressed.ply leaves out degrees of SH that are 0 everywhere",
+          "[gaussians]") {
+  const test::TempDir dir;
+  for (const int64_t used : {1, 4, 9, 16}) {
+    splat::Gaussians g = test::random_gaussians(300, 16);
+    g.sh.slice(1, used).zero_();
+    write_scene_file(dir / "a.compressed.ply", {g, false});
+    CHECK(read_gaussians(dir / "a.compressed.ply").gaussians.sh.size(1) == used);
+  }
+}
+
+TEST_CASE("scene file: SH in .compressed.ply are right on average", "[gaussians]") {
+  const test::TempDir dir;
+  for (const double value : {-0.9, -0.01, 0.001, 0.02}) {
+    splat::Gaussians g = test::random_gaussians(600, 16);
+    g.sh.slice(1, 1).fill_(value);
+    write_scene_file(dir / "a.compressed.ply", {g, false});
+    const torch::Tensor back = read_gaussians(dir / "a.compressed.ply").gaussians.sh.slice(1, 1);
+    CHECK(worst(back.mean(0), g.sh.slice(1, 1).mean(0)) < 1e-3);
+    CHECK(worst(back.mean({1, 2}).mean(0), g.sh.slice(1, 1).mean()) < 3e-4);
+  }
+}
+
 TEST_CASE("scene file: the flag of antialiased scenes is kept, or its loss is reported",
           "[gaussians]") {
   const test::TempDir dir;

@@ -125,6 +125,31 @@ torch::Tensor pack(const torch::Tensor& unit, const std::vector<int64_t>& bits) 
   return packed;
 }
 
+/// Number of SH coefficients without the highest degrees that are 0 everywhere, as those that
+/// training has not reached: a byte has no value for 0.
+int64_t used_coefficients(const torch::Tensor& sh) {
+  for (const int64_t degree : {3, 2, 1}) {
+    const int64_t begin = degree * degree, end = (degree + 1) * (degree + 1);
+    if (sh.size(1) >= end && sh.slice(1, begin, end).ne(0).any().item<bool>()) return end;
+  }
+  return 1;
+}
+
+/// Bytes of SH coefficients [N,K] from -4 to 4. A byte has no value for 0, near which most are: the
+/// nearest value would tint the scene. Of the two values beside a coefficient each is taken in
+/// proportion to its nearness, in a fixed pattern, so that Gaussians that overlap average out.
+torch::Tensor dithered(const torch::Tensor& coefficients) {
+  constexpr double kGolden = 0.6180339887498949, kPlastic = 0.7548776662466927;
+  const auto pattern = [](int64_t count, double step) {
+    return (torch::arange(count, torch::kFloat64) * step).frac();
+  };
+  const torch::Tensor shift = (pattern(coefficients.size(0), kGolden).unsqueeze(1) +
+                               pattern(coefficients.size(1), kPlastic).unsqueeze(0))
+                                  .frac()
+                                  .to(torch::kFloat32);
+  return ((coefficients / 8 + 0.5) * 256 - 0.5 + shift).floor().clamp(0, 255).to(torch::kUInt8);
+}
+
 std::string header_text(int64_t count, int64_t rest, bool antialiased) {
   std::string text = concat("ply\nformat binary_little_endian 1.0\n", render_mode_line(antialiased),
                             "element chunk ", (count + kChunkSize - 1) / kChunkSize, "\n");
@@ -142,7 +167,8 @@ std::string encode_packed_ply(const splat::Gaussians& all, bool antialiased) {
   const torch::Tensor order = spatial_order(all.means);
   const splat::Gaussians gaussians = map_parameters(
       all, [&](const auto& value) { return file_tensor(value).index_select(0, order); });
-  const int64_t count = gaussians.size(), rest = 3 * (gaussians.sh.size(1) - 1);
+  const int64_t used = used_coefficients(gaussians.sh);
+  const int64_t count = gaussians.size(), rest = 3 * (used - 1);
   std::string out = header_text(count, rest, antialiased);
   if (count == 0) return out;
   const Ranged places = ranged(gaussians.means), scales = ranged(gaussians.log_scales);
@@ -159,10 +185,8 @@ std::string encode_packed_ply(const splat::Gaussians& all, bool antialiased) {
       1);
   // The lower half of each int64 contains the bits, because the machine is little-endian.
   out += content_of(packed.view(torch::kInt32).reshape({count, 4, 2}).select(2, 0));
-  const torch::Tensor unit =
-      gaussians.sh.slice(1, 1).transpose(1, 2).reshape({count, rest}) / 8 + 0.5;
-  out += content_of((unit * 256).trunc().clamp(0, 255).to(torch::kUInt8));
-  return out;
+  return out + content_of(
+                   dithered(gaussians.sh.slice(1, 1, used).transpose(1, 2).reshape({count, rest})));
 }
 
 bool is_packed(const PlyFile& file) {

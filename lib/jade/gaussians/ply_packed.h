@@ -21,7 +21,8 @@ splat::Gaussians unpack(const PlyFile& file);
 
 /// Encodes Gaussians as the bytes of such a file, sorted along a space-filling curve so that those
 /// of a chunk are near each other: positions and log scales in 11, 10 and 11 bits of their chunk's
-/// range, colours and opacities in 8, rotations in 10 per component, SH in 8 bits from -4 to 4.
+/// range, colours and opacities in 8, rotations in 10 per component, SH in 8 bits from -4 to 4,
+/// dithered, without the highest degrees that are 0 everywhere.
 /// @param antialiased  as GaussianFile::antialiased
 std::string encode_packed_ply(const splat::Gaussians& gaussians, bool antialiased);
 
