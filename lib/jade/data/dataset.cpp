@@ -17,6 +17,7 @@
 #include "jade/data/frame_times.h"
 #include "jade/data/masks.h"
 #include "jade/data/origin.h"
+#include "jade/data/stray_views.h"
 #include "jade/data/transforms.h"
 #include "jade/data/warnings.h"
 #include "jade/imaging/color.h"
@@ -199,6 +200,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   data.name = folder_name(options.path);
   hold_out(data);
   tell_origin(data);
+  mark_strays(data, sink);
   tell_still_cameras(data, sink);
   tell_points_behind(data, sink);
   apply_masks(data);

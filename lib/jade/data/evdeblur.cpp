@@ -18,6 +18,7 @@
 #include "jade/data/frames.h"
 #include "jade/data/llff.h"
 #include "jade/data/origin.h"
+#include "jade/data/stray_views.h"
 #include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
 #include "jade/imaging/image_io.h"
@@ -58,6 +59,43 @@ fs::path times_file(const fs::path& root, const fs::path& images) {
                                "events, by the COLMAP model"));
 }
 
+/// Median over the rows of the geometric mean of their depth bounds; 0 if it is undefined.
+double typical_depth(const std::vector<LlffView>& views) {
+  std::vector<double> depths;
+  for (const LlffView& view : views) {
+    depths.push_back(view.near > 0 && view.far > 0 ? std::sqrt(view.near * view.far) : 0);
+  }
+  if (depths.empty()) return 0;
+  const auto middle = depths.begin() + std::ptrdiff_t(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return *middle;
+}
+
+std::vector<geometry::Pose> poses_of(const std::vector<LlffView>& views) {
+  std::vector<geometry::Pose> poses;
+  for (const LlffView& view : views) poses.push_back(view.camera_from_world);
+  return poses;
+}
+
+/// Which rows are not far from all others, and may define a path or the size of the scene.
+std::vector<bool> are_near(const std::vector<LlffView>& views) {
+  const geometry::CameraRegion region = camera_region(poses_of(views), {}, typical_depth(views));
+  std::vector<bool> near;
+  for (const LlffView& view : views) {
+    near.push_back(region.contains(geometry::centre(view.camera_from_world)));
+  }
+  return near;
+}
+
+/// Warns of rows that are left out of a path, which would bend towards them.
+void tell_far(const std::string& file, const std::vector<std::string>& rows,
+              const Warnings& warnings) {
+  if (rows.empty()) return;
+  warnings.add(file, ": expected poses near each other or the scene, found ", rows.size(),
+               " far from all others: ", listing(rows),
+               "; the path is interpolated between the others; correct or remove them");
+}
+
 geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
                                 const geometry::Vector3& origin, const Warnings& warnings) {
   const fs::path pose_file = root / "all_poses_bounds.npy";
@@ -79,32 +117,24 @@ geometry::Trajectory read_dense(const fs::path& root, events::TimeUnit unit,
   }
   if (views.empty()) throw DataError(concat(pose_file.string(), ": holds no pose"));
   TimedPoses timed;
+  const std::vector<bool> near = are_near(views);
+  std::vector<std::string> far;
   for (size_t i = 0; i < views.size(); ++i) {
-    timed[double(times[i])] = geometry::with_origin(views[i].camera_from_world, origin);
+    if (near[i]) {
+      timed[double(times[i])] = geometry::with_origin(views[i].camera_from_world, origin);
+    } else {
+      far.push_back(concat("row ", i, " (", times[i], " us)"));
+    }
   }
+  tell_far(pose_file.string(), far, warnings);
   if (!std::is_sorted(times.begin(), times.end())) {
     warnings.add(time_file.string(), ": times are not in order; poses were sorted by time");
   }
-  if (timed.size() != times.size()) {
-    warnings.add(time_file.string(), ": ", times.size() - timed.size(),
+  if (timed.size() + far.size() != times.size()) {
+    warnings.add(time_file.string(), ": ", times.size() - far.size() - timed.size(),
                  " times occur more than once; the last pose of each was kept");
   }
   return trajectory_of(timed);
-}
-
-/// A path through the poses of the frames, each at its mid-exposure, extended to cover the first
-/// and last exposure.
-geometry::Trajectory path_through_frames(const std::vector<LlffView>& views,
-                                         const std::vector<FrameTime>& times) {
-  TimedPoses timed;
-  double first = INFINITY;
-  double last = -INFINITY;
-  for (size_t i = 0; i < views.size(); ++i) {
-    timed[0.5 * (double(times[i].start_us) + double(times[i].end_us))] = views[i].camera_from_world;
-    first = std::min(first, double(times[i].start_us));
-    last = std::max(last, double(times[i].end_us));
-  }
-  return trajectory_of(timed).spanning(first, last);
 }
 
 struct Sources {
@@ -129,13 +159,7 @@ void warn_of_order(const Sources& s, const Warnings& warnings) {
 
 /// Moves the origin near the frames' poses if they are far from that of their files.
 void recentre(Sources& s) {
-  std::vector<geometry::Pose> poses;
-  double near = 0;
-  for (const LlffView& view : s.views) {
-    poses.push_back(view.camera_from_world);
-    near = std::max(near, view.near);
-  }
-  s.origin = origin_of(poses, {}, near);
+  s.origin = origin_of(poses_of(s.views), {}, typical_depth(s.views));
   if (geometry::is_zero(s.origin)) return;
   for (LlffView& view : s.views) {
     view.camera_from_world = geometry::with_origin(view.camera_from_world, s.origin);
@@ -272,6 +296,26 @@ void check_agreement(const geometry::Trajectory& path, const Sources& s, const W
   }
 }
 
+/// A path through the poses of the frames, each at its mid-exposure, extended to cover the first
+/// and last exposure. Poses far from all others are left out.
+geometry::Trajectory path_through_frames(const Sources& s, const Warnings& warnings) {
+  TimedPoses timed;
+  std::vector<std::string> far;
+  const std::vector<bool> near = are_near(s.views);
+  double first = INFINITY;
+  double last = -INFINITY;
+  for (size_t i = 0; i < s.views.size(); ++i) {
+    const FrameTime& time = s.times[i];
+    const double mid = 0.5 * (double(time.start_us) + double(time.end_us));
+    if (near[i]) timed[mid] = s.views[i].camera_from_world;
+    if (!near[i]) far.push_back(s.image_files[i].stem().string());
+    first = std::min(first, double(time.start_us));
+    last = std::max(last, double(time.end_us));
+  }
+  tell_far("poses_bounds.npy", far, warnings);
+  return trajectory_of(timed).spanning(first, last);
+}
+
 geometry::Trajectory choose_path(const DatasetOptions& options, const Sources& s, Dataset& data,
                                  const Warnings& warnings) {
   data.trajectory = read_dense(options.path, s.time_unit, s.origin, warnings);
@@ -283,7 +327,7 @@ geometry::Trajectory choose_path(const DatasetOptions& options, const Sources& s
                ": no dense trajectory (all_poses_bounds.npy and "
                "all_timestamps.npy); the nine poses of each exposure are "
                "interpolated between the poses of the frames");
-  return path_through_frames(s.views, s.times);
+  return path_through_frames(s, warnings);
 }
 
 void add_frames(const Sources& s, std::vector<Frame> frames, const Split& split,
@@ -316,9 +360,11 @@ void add_frames(const Sources& s, std::vector<Frame> frames, const Split& split,
 void set_bounds(const Sources& s, Dataset& data) {
   data.near = INFINITY;
   data.far = 0;
-  for (const LlffView& view : s.views) {
-    data.near = std::min(data.near, view.near);
-    data.far = std::max(data.far, view.far);
+  const std::vector<bool> near = are_near(s.views);
+  for (size_t i = 0; i < s.views.size(); ++i) {
+    if (!near[i]) continue;
+    data.near = std::min(data.near, s.views[i].near);
+    data.far = std::max(data.far, s.views[i].far);
   }
   if (data.near > 0 && data.far > data.near) return;
   throw DataError(concat((data.root / "poses_bounds.npy").string(), ": depth bounds ", data.near,

@@ -40,6 +40,7 @@ struct Exposure {
   geometry::Intrinsics camera;
   torch::Tensor mask;  ///< [1,H,W] bool, true: the pixel counts; undefined: all pixels count
   double gain = 1;     ///< frame brightness = scene brightness · gain
+  bool stray = false;  ///< far from all other views: does not count for the size of the scene
 
   int64_t duration_us() const { return t_end_us - t_start_us; }
   int64_t t_mid_us() const { return t_start_us + duration_us() / 2; }

@@ -11,6 +11,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/data/stray_views.h"
 #include "jade/events/event_files.h"
 #include "jade/imaging/image_header.h"
 #include "jade/imaging/image_io.h"
@@ -237,7 +238,9 @@ std::vector<Frame> read_frames(const std::vector<fs::path>& paths, const MaskSou
   return frames;
 }
 
-DepthBounds depth_bounds(const torch::Tensor& points, const std::vector<geometry::Pose>& poses) {
+DepthBounds depth_bounds(const torch::Tensor& points,
+                         const std::vector<geometry::Pose>& cameras_from_world) {
+  const std::vector<geometry::Pose> poses = without_strays(cameras_from_world, points);
   std::vector<double> depths;
   if (points.defined()) {
     const torch::Tensor xyz = points.to(torch::kFloat64).contiguous();

@@ -55,10 +55,11 @@ std::vector<Frame> read_frames(const std::vector<std::filesystem::path>& paths,
 
 /// Depth bounds of a point cloud seen from the cameras: the 0.5 % and 99.5 % quantiles of depth,
 /// widened by a tenth. Without points in front of the cameras: (0.01, 100) times the spread of the
-/// cameras.
+/// cameras. Cameras far from all others do not count.
 struct DepthBounds {
   double near = 0, far = 0;
 };
-DepthBounds depth_bounds(const torch::Tensor& points, const std::vector<geometry::Pose>& poses);
+DepthBounds depth_bounds(const torch::Tensor& points,
+                         const std::vector<geometry::Pose>& cameras_from_world);
 
 }  // namespace jade::data

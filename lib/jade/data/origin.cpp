@@ -6,6 +6,7 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
+#include "jade/data/stray_views.h"
 
 namespace jade::data {
 namespace {
@@ -53,12 +54,13 @@ const char* wrong_axes(DatasetKind kind) {
 Vector3 origin_of(const std::vector<geometry::Pose>& cameras_from_world,
                   const torch::Tensor& points, double depth) {
   if (cameras_from_world.empty()) return {0, 0, 0};
+  const std::vector<geometry::Pose> near = without_strays(cameras_from_world, points, depth);
   std::vector<Vector3> centres;
   Vector3 middle{0, 0, 0};
-  for (const geometry::Pose& pose : cameras_from_world) {
+  for (const geometry::Pose& pose : near) {
     centres.push_back(geometry::centre(pose));
     for (size_t axis = 0; axis < 3; ++axis) {
-      middle[axis] += centres.back()[axis] / double(cameras_from_world.size());
+      middle[axis] += centres.back()[axis] / double(near.size());
     }
   }
   double size = std::isfinite(depth) ? depth : 0;

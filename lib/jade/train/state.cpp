@@ -38,13 +38,16 @@ void visit_adam(const TensorVisitor& visitor, const std::string& name, const Row
 std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
   std::vector<geometry::Pose> poses;
   // Use the first pose of each exposure, as the original 3DGS backbone measures the scene.
-  for (const data::Exposure& exposure : dataset.train) poses.push_back(exposure.poses[0]);
+  for (const data::Exposure& exposure : dataset.train) {
+    if (!exposure.stray) poses.push_back(exposure.poses[0]);
+  }
   return poses;
 }
 
 gaussians::InitSources init_sources(const data::Dataset& dataset) {
   gaussians::InitSources sources;
   for (const data::Exposure& exposure : dataset.train) {
+    if (exposure.stray) continue;
     sources.views.push_back({exposure.poses[geometry::kMidPose], exposure.camera, exposure.blurry,
                              exposure.mask, exposure.gain});
   }
