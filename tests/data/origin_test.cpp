@@ -180,39 +180,6 @@ TEST_CASE("origin: cameras at one place are reported", "[data]") {
   CHECK(told().empty());
 }
 
-TEST_CASE("origin: points behind the cameras are reported with the axes that would see them",
-          "[data]") {
-  Dataset data;
-  data.train.resize(4);
-  data.kind = DatasetKind::kColmap;
-  torch::manual_seed(1);
-  data.points = torch::rand({200, 3}) - 0.5;
-  for (size_t i = 0; i < 4; ++i) {
-    data.train[i].camera = geometry::Intrinsics::centred(50, 64, 48);
-    data.train[i].poses.fill(
-        {geometry::Matrix3{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0.1 * double(i), 0, 3}});
-  }
-  const auto told = [&] {
-    std::vector<std::string> lines;
-    tell_points_behind(data, Warnings(&lines));
-    return lines.empty() ? "" : lines[0];
-  };
-  CHECK(told().empty());
-  // One camera that sees the points is enough to accept the axes.
-  const auto turn = [&](size_t i) {
-    data.train[i].poses.fill({geometry::Matrix3{1, 0, 0, 0, -1, 0, 0, 0, -1}, {0, 0, -3}});
-  };
-  for (const size_t i : {0, 1, 2}) turn(i);
-  CHECK(told().empty());
-  turn(3);
-  CHECK_THAT(told(), Catch::Contains("100 %") && Catch::Contains("OpenGL axes"));
-  data.kind = DatasetKind::kTransforms;
-  CHECK_THAT(told(), Catch::Contains("OpenCV axes"));
-  for (Exposure& exposure : data.train)
-    exposure.poses.fill({exposure.poses[0].rotation, {40, 0, -3}});
-  CHECK_THAT(told(), !Catch::Contains("OpenCV axes") && Catch::Contains("one scene"));
-}
-
 TEST_CASE("origin: equal poses near the origin of their coordinates are not moved", "[data]") {
   const std::vector<geometry::Pose> poses(
       24, geometry::pose_at_centre(geometry::rotation_from_vector({0.3, 0.4, 0.1}), {0.9, 0, 3}));

@@ -17,6 +17,7 @@
 #include "jade/data/frame_times.h"
 #include "jade/data/masks.h"
 #include "jade/data/origin.h"
+#include "jade/data/start_points.h"
 #include "jade/data/stray_views.h"
 #include "jade/data/transforms.h"
 #include "jade/data/warnings.h"
@@ -202,7 +203,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   tell_origin(data);
   mark_strays(data, sink);
   tell_still_cameras(data, sink);
-  tell_points_behind(data, sink);
+  check_points(sink, data);
   apply_masks(data);
   tell_hot_pixel(data, sink);
   settle_color(options.color, sink, data);

@@ -28,27 +28,6 @@ void for_exposures(Dataset& data, const Visit& visit) {
   for (Exposure& exposure : data.held_out) visit(exposure);
 }
 
-bool is_in_picture(const Vector3& point, const geometry::Intrinsics& camera) {
-  if (!(point[2] > 0)) return false;
-  const double u = camera.fx * point[0] / point[2] + camera.cx;
-  const double v = camera.fy * point[1] / point[2] + camera.cy;
-  return u >= 0 && u < double(camera.width) && v >= 0 && v < double(camera.height);
-}
-
-/// Likely reason if points behind the cameras would be visible after a half turn about the x axes.
-const char* wrong_axes(DatasetKind kind) {
-  if (kind == DatasetKind::kTransforms) {
-    return "the poses seem to be in OpenCV axes (y down, z forwards), expected are those of OpenGL "
-           "(y up, z backwards)";
-  }
-  if (kind == DatasetKind::kEvDeblur) {
-    return "the poses seem to be in OpenCV axes, expected are those of LLFF (down, right, "
-           "backwards)";
-  }
-  return "the poses seem to be in OpenGL axes (y up, z backwards), expected are those of OpenCV (y "
-         "down, z forwards)";
-}
-
 }  // namespace
 
 Vector3 origin_of(const std::vector<geometry::Pose>& cameras_from_world,
@@ -135,35 +114,6 @@ void tell_still_cameras(const Dataset& data, const Warnings& warnings) {
                data.train.size(),
                angle > kStillAngle ? " from one place" : " of one and the same pose",
                "; no depth can be learned from them. Are the poses those of the frames?");
-}
-
-void tell_points_behind(const Dataset& data, const Warnings& warnings) {
-  constexpr int64_t kFewestPoints = 10, kPairs = 200000;
-  constexpr double kMostBehind = 0.9, kUnseen = 0.01, kSeen = 0.1;
-  if (!data.points.defined() || data.points.size(0) < kFewestPoints || data.train.empty()) return;
-  const torch::Tensor xyz = data.points.to(torch::kFloat64).contiguous();
-  const double* const point = xyz.const_data_ptr<double>();
-  const int64_t count = xyz.size(0);
-  const int64_t step = std::max<int64_t>(1, count * int64_t(data.train.size()) / kPairs);
-  int64_t pairs = 0, behind = 0, seen = 0, seen_turned = 0;
-  for (size_t view = 0; view < data.train.size(); ++view) {
-    const Exposure& exposure = data.train[view];
-    for (int64_t i = int64_t(view) % step; i < count; i += step) {
-      const Vector3 p = geometry::transform(exposure.poses[geometry::kMidPose],
-                                            {point[3 * i], point[3 * i + 1], point[3 * i + 2]});
-      ++pairs;
-      if (!(p[2] > 0)) ++behind;
-      if (is_in_picture(p, exposure.camera)) ++seen;
-      if (is_in_picture({p[0], -p[1], -p[2]}, exposure.camera)) ++seen_turned;
-    }
-  }
-  const auto share = [&](int64_t some) { return double(some) / double(pairs); };
-  if (pairs == 0 || share(behind) <= kMostBehind || share(seen) >= kUnseen) return;
-  warnings.add(data.root.string(), ": expected points that the cameras see, found ",
-               std::lround(100 * share(behind)), " % of them behind the cameras; ",
-               share(seen_turned) >= kSeen ? wrong_axes(data.kind)
-                                           : "are points and poses of one scene, and the poses in "
-                                             "the axes and the direction of their format?");
 }
 
 }  // namespace jade::data

@@ -35,8 +35,4 @@ double length_unit(const Dataset& data);
 /// Warns of cameras that all have the same centre, or the same pose.
 void tell_still_cameras(const Dataset& data, const Warnings& warnings);
 
-/// Warns of points that are behind the cameras and in no picture, for example if the axes of the
-/// poses follow another convention.
-void tell_points_behind(const Dataset& data, const Warnings& warnings);
-
 }  // namespace jade::data
