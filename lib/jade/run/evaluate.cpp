@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/evaluate.h"
 
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <torch/types.h>
 
 #include "jade/config/config.h"
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
 #include "jade/data/origin.h"
+#include "jade/data/trained_frames.h"
 #include "jade/eval/metrics.h"
 #include "jade/losses/poses.h"
 #include "jade/run/checkpoint.h"
@@ -156,6 +159,19 @@ auto from_newest(const std::vector<fs::path>& checkpoints, const Load& load) {
   return load(checkpoints.back());
 }
 
+/// The list in env.json; empty for runs of versions that wrote none.
+std::vector<data::TrainedFrame> trained_on(const fs::path& run) {
+  std::vector<data::TrainedFrame> frames;
+  if (!fs::exists(run / kEnvironmentFile)) return frames;
+  const auto environment = nlohmann::json::parse(read_file(run / kEnvironmentFile), nullptr,
+                                                 /*allow_exceptions=*/false);
+  if (!environment.is_object() || !environment.contains(kTrainedKey)) return frames;
+  for (const auto& frame : environment[kTrainedKey]) {
+    if (frame.is_object()) frames.push_back({frame.value("name", ""), frame.value("sha256", "")});
+  }
+  return frames;
+}
+
 struct PosedData {
   data::Dataset dataset;
   fs::path checkpoint;  ///< the readable checkpoint with these poses; empty: from none
@@ -165,6 +181,10 @@ PosedData load_posed(const fs::path& run, const train::RunOptions& options) {
   std::vector<std::string> warnings;
   data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
+  if (const auto trained = trained_on(run); !trained.empty()) {
+    const std::string other = data::mark_seen(trained, dataset);
+    if (!other.empty()) log_warn(other);
+  }
   if (fs::exists(run / kLearnedCamerasFile)) {
     read_learned_cameras(run / kLearnedCamerasFile, dataset);
     return {dataset, {}};

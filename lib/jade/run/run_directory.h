@@ -18,6 +18,11 @@ constexpr char kLearnedCamerasFile[] = "cameras.json";
 constexpr char kScoresFile[] = "eval.json";
 constexpr char kReportFile[] = "report.html";
 
+/// File about the machine and the data, written at the start, and its list of the frames that the
+/// run trains on: objects with "name" and "sha256" (data::TrainedFrame).
+constexpr char kEnvironmentFile[] = "env.json";
+constexpr char kTrainedKey[] = "trained_on";
+
 /// The folder of one run, locked by one process at a time. README.md lists its contents.
 class RunDirectory {
  public:

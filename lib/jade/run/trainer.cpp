@@ -19,6 +19,7 @@
 #include "jade/core/readable.h"
 #include "jade/core/version.h"
 #include "jade/data/pattern_estimate.h"
+#include "jade/data/trained_frames.h"
 #include "jade/eval/metrics.h"
 #include "jade/gaussians/ply.h"
 #include "jade/geometry/origin.h"
@@ -287,7 +288,11 @@ void Trainer::write_environment() const {
                                      {"data_fingerprint", data_.fingerprint}};
   if (!data_.restorer_sha256.empty()) environment["restorer_sha256"] = data_.restorer_sha256;
   if (!geometry::is_zero(data_.dataset.origin)) environment["origin"] = data_.dataset.origin;
-  write_file(directory_.path() / "env.json", environment.dump(2) + "\n");
+  environment[kTrainedKey] = nlohmann::ordered_json::array();
+  for (const data::TrainedFrame& frame : data::trained_frames(data_.dataset)) {
+    environment[kTrainedKey].push_back({{"name", frame.name}, {"sha256", frame.sha256}});
+  }
+  write_file(directory_.path() / kEnvironmentFile, environment.dump(2) + "\n");
 }
 
 void Trainer::step(const std::function<void()>& look) {
