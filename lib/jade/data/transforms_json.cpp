@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <initializer_list>
 #include <iterator>
 #include <utility>
 
@@ -46,6 +47,19 @@ double number(const json& object, const std::string& key, double otherwise,
 /// Keys of cameras that no pinhole can replace, with a description.
 constexpr std::pair<const char*, const char*> kUnlikePinholes[] = {
     {"ftheta_p0", "an f-theta lens"}, {"latlong", "a picture of all around"}};
+
+/// Whether an object has one of the keys as a number other than 0.
+bool states_any(const json& object, std::initializer_list<const char*> keys) {
+  return std::any_of(keys.begin(), keys.end(), [&](const char* key) {
+    return object.contains(key) && object[key].is_number() && object[key] != 0;
+  });
+}
+
+bool states_focal_length(const json& object) { return states_any(object, {"fl_x", "fl_y"}); }
+
+bool states_angle(const json& object) {
+  return states_any(object, {"camera_angle_x", "camera_angle_y", "x_fov", "y_fov"});
+}
 
 /// The value of a key, of the frame or else of the file; empty if neither has it.
 std::string text_value(const json& root, const json& frame, const char* key) {
@@ -155,8 +169,10 @@ geometry::Intrinsics camera_of_frame(const json& root, const json& frame,
   geometry::Intrinsics camera;
   camera.width = side("w");
   camera.height = side("h");
+  // A frame's own field of view replaces the file's focal length.
+  const bool has_own_angle = states_angle(frame) && !states_focal_length(frame);
   const auto focal = [&](const char* key) {
-    const double found = value(key, 0);
+    const double found = has_own_angle ? 0 : value(key, 0);
     if (found >= 0) return found;
     throw DataError(concat(where, ": expected a focal length '", key, "' above 0, found ", found,
                            "; correct it"));
@@ -169,15 +185,23 @@ geometry::Intrinsics camera_of_frame(const json& root, const json& frame,
 }
 
 double angle_of(const json& root, const json& frame, char axis, const std::string& where) {
-  const auto value = [&](const std::string& key, double most, const char* unit) {
-    const double found = number(frame, key, number(root, key, 0, where), where);
+  const auto value = [&](const json& object, const std::string& key, double most,
+                         const char* unit) {
+    const double found = number(object, key, 0, where);
     if (found >= 0 && found < most) return found;
     throw DataError(concat(where, ": expected '", key, "' from 0 to ", most, " ", unit, ", found ",
                            found, "; correct it"));
   };
   constexpr double kRadiansPerDegree = 3.14159265358979323846 / 180;
-  const double angle = value(concat("camera_angle_", axis), 3.1, "radians");
-  return angle > 0 ? angle : kRadiansPerDegree * value(concat(axis, "_fov"), 177, "degrees");
+  for (const json* object : {&frame, &root}) {
+    // A frame's own focal length replaces the file's fields of view.
+    if (object == &root && states_focal_length(frame)) break;
+    const double angle = value(*object, concat("camera_angle_", axis), 3.1, "radians");
+    if (angle > 0) return angle;
+    const double degrees = value(*object, concat(axis, "_fov"), 177, "degrees");
+    if (degrees > 0) return kRadiansPerDegree * degrees;
+  }
+  return 0;
 }
 
 double angle_beside_focal(const json& root, const json& frame, char axis) {
@@ -214,7 +238,8 @@ geometry::Lens lens_of_frame(const json& root, const json& frame, const std::str
   geometry::Lens lens{LensModel::kPinhole, value("k1"), value("k2"),
                       value("p1"),         value("p2"), value("k3"),
                       value("k4"),         0,           0};
-  if (fisheyes.count(model) > 0 || flag(root, frame, "is_fisheye")) {
+  if (fisheyes.count(model) > 0 ||
+      flag(frame.contains("camera_model") ? frame : root, frame, "is_fisheye")) {
     lens.model = LensModel::kFisheye;
     lens.p1 = lens.p2 = 0;
     return lens;

@@ -27,12 +27,13 @@ std::string text_of(const nlohmann::json& frame, const char* key, const std::str
 /// with the last row 0, 0, 0, 1.
 geometry::Pose pose_of_matrix(const nlohmann::json& matrix, const std::string& where);
 
-/// The pinhole of a frame; 0 for missing values.
+/// The pinhole of a frame; 0 for missing values. Keys of the frame override those of the file, and
+/// its own field of view overrides the file's focal length.
 geometry::Intrinsics camera_of_frame(const nlohmann::json& root, const nlohmann::json& frame,
                                      const std::string& where);
 
 /// The field of view along 'x' or 'y' in radians: camera_angle_x, or instant-ngp's x_fov in
-/// degrees; 0 if missing.
+/// degrees; 0 if missing. Keys of the frame, also its focal length, override those of the file.
 double angle_of(const nlohmann::json& root, const nlohmann::json& frame, char axis,
                 const std::string& where);
 
