@@ -723,3 +723,34 @@ TEST_CASE("event files: beside frames, whole ns from 0 are read as ns with a war
   CHECK(read_events(dir / "us.h5", options).time_unit == TimeUnit::kUs);
   CHECK(read_events(dir / "ns.h5", options).time_unit == TimeUnit::kUs);
 }
+
+TEST_CASE("event files: events that last as long as the exposures in ns only name this unit",
+          "[events]") {
+  const TempDir dir;
+  std::vector<float> x, y;
+  std::vector<int64_t> t;
+  std::vector<int8_t> p;
+  for (int64_t i = 0; i < 20000; ++i) {
+    x.push_back(float(i % 17)), y.push_back(float(i % 11));
+    t.push_back(250000 * i), p.push_back(int8_t(i % 2));
+  }
+  write_h5<float, int64_t>(dir / "a.h5", x, y, t, p);
+  EventFileOptions options;
+  // In ns they lie before the exposures; in us, they last a thousand times as long.
+  options.exposures = TimeWindow{2000000000, 2005000000};
+  bool named = false;
+  try {
+    for (const std::string& line : read_events(dir / "a.h5", options).warnings)
+      named = named || line.find(" ns") != std::string::npos;
+  } catch (const jade::DataError& error) {
+    named = std::string(error.what()).find(" ns") != std::string::npos;
+  }
+  CHECK(named);
+  options.exposures = TimeWindow{20000000000, 20005000000};
+  CHECK_THAT(message_of([&] { read_events(dir / "a.h5", options); }),
+             jade::test::naming("if they are ns"));
+  options.exposures = TimeWindow{0, 5000000};
+  const EventFileResult good = read_events(dir / "a.h5", options);
+  CHECK(good.time_unit == TimeUnit::kNs);
+  CHECK(good.warnings.empty());
+}

@@ -12,6 +12,7 @@
 
 #include "jade/core/check.h"
 #include "jade/core/machine_memory.h"
+#include "jade/core/readable.h"
 #include "jade/events/event_group.h"
 #include "jade/events/raw_events.h"
 #include "jade/events/stream_faults.h"
@@ -197,11 +198,25 @@ double in_unit(int64_t us, TimeUnit unit) {
   return unit == TimeUnit::kNs ? double(us) * 1e3 : double(us) / us_per_unit(unit);
 }
 
+/// "in ns the events last 5.1 s, the exposures 5 s; …", if `unit` (kAuto: none) fits less; else
+/// empty.
+std::string other_unit(double first, double last, TimeUnit unit, const TimeWindow& exposures) {
+  const std::optional<TimeUnit> other = unit_by_length(first, last, unit, exposures);
+  if (!other) return "";
+  return concat("in ", word_of(*other), " the events last ",
+                readable(1e-6 * us_per_unit(*other) * (last - first), 3), " s, the exposures ",
+                readable(1e-6 * double(exposures.duration_us()), 3),
+                " s, but from another time on; if they are ", word_of(*other),
+                ", write them again on the clock of the frames");
+}
+
 DataError two_clocks(const std::filesystem::path& path, double first, double last,
-                     const TimeWindow& exposures, const std::string& found) {
+                     const TimeWindow& exposures, TimeUnit unit, const std::string& found) {
+  const std::string hint = other_unit(first, last, unit, exposures);
   return DataError(concat(path.string(), ": events run from ", first, " to ", last,
                           ", exposures from ", exposures.begin_us, " to ", exposures.end_us,
-                          " us: ", found, "; are both of one recording, and is the offset between ",
+                          " us: ", found, hint.empty() ? "" : "; ", hint,
+                          "; are both of one recording, and is the offset between ",
                           "them right (jade_import: --offset-ms)?"));
 }
 
@@ -220,7 +235,7 @@ void check_guess(const std::filesystem::path& path, const EventFileResult& read,
       (inside > 0 || read.stored_us.duration_us() < kLong * exposures.duration_us()))
     return;
   throw two_clocks(path, in_unit(read.stored_us.begin_us, unit),
-                   in_unit(read.stored_us.end_us - 1, unit), exposures,
+                   in_unit(read.stored_us.end_us - 1, unit), exposures, unit,
                    concat("the two clocks overlap in no likely unit; ", inside, " of ", stored,
                           " events lie between the first and the last exposure"));
 }
@@ -274,7 +289,7 @@ TimeUnit chosen_unit(const std::filesystem::path& path, const TimeRange& range, 
   const std::optional<TimeUnit> unit =
       guess_time_unit(first, last, range.has_fraction, options.exposures);
   if (unit) return *unit;
-  throw two_clocks(path, range.first, range.last, *options.exposures,
+  throw two_clocks(path, first, last, *options.exposures, TimeUnit::kAuto,
                    "the two clocks do not overlap in us, ns, ms or s");
 }
 
@@ -483,6 +498,14 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   const bool guessed = options.time_unit == TimeUnit::kAuto && raw.unit == TimeUnit::kAuto;
   if (guessed && options.exposures && options.most == 0) {
     check_guess(path, result, *options.exposures);
+    const std::string hint =
+        other_unit(range.usual_first, range.usual_last, result.time_unit, *options.exposures);
+    if (!hint.empty()) {
+      result.warnings.push_back(
+          concat(path.string(), ": expected events about as long as the exposures, found ",
+                 readable(1e-6 * double(result.stored_us.duration_us()), 3), " s of them, read as ",
+                 word_of(result.time_unit), "; ", hint));
+    }
   }
   tell_repeated(path, result);
   const std::string alone = lone_event_warning(path, result.events.t_us(), !result.was_unsorted);

@@ -122,6 +122,22 @@ std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_frac
   return best;
 }
 
+std::optional<TimeUnit> unit_by_length(double first, double last, TimeUnit unit,
+                                       const TimeWindow& exposures) {
+  constexpr double kShortest = 0.8, kLongest = 1.5, kMuchLonger = 100;
+  const double exposed_us = double(exposures.duration_us());
+  if (!(exposed_us > 0)) return std::nullopt;
+  const auto ratio_in = [&](TimeUnit other) {
+    return (last - first) * us_per_unit(other) / exposed_us;
+  };
+  if (unit != TimeUnit::kAuto && ratio_in(unit) < kMuchLonger) return std::nullopt;
+  for (const TimeUnit other : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS, TimeUnit::kMs}) {
+    const double ratio = ratio_in(other);
+    if (other != unit && ratio >= kShortest && ratio <= kLongest) return other;
+  }
+  return std::nullopt;
+}
+
 TimeUnit unit_beside_frames(double first, double last, bool has_fraction, int64_t count,
                             const TimeWindow& frames) {
   constexpr double kPoor = 0.1, kGood = 0.5;

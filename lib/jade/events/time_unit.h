@@ -49,6 +49,12 @@ double us_per_unit(TimeUnit unit);
 std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_fraction,
                                         const std::optional<TimeWindow>& exposures);
 
+/// The unit, other than `unit`, in which events last about as long as the exposures, as they do if
+/// only the zeros of the two clocks differ. No value if in `unit` (kAuto: in none) they last less
+/// than 100 times as long.
+std::optional<TimeUnit> unit_by_length(double first, double last, TimeUnit unit,
+                                       const TimeWindow& exposures);
+
 /// The unit of event times beside frames that may have another clock: as guess_time_unit() without
 /// exposures, unless the events cover the frames in another unit only, in which `count` of them
 /// have the rate of a camera, and in the usual one they have not.
