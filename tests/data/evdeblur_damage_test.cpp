@@ -349,5 +349,31 @@ TEST_CASE("evdeblur: poses made for another size are scaled, or refused with bot
   CHECK_THROWS_NAMING(DataError, with_size(test::kWidth, test::kHeight, 1), "13x21", "exchange");
 }
 
+TEST_CASE("damage: lost packets of events are named, pauses of the camera are not", "[data]") {
+  const auto silence_in = [](bool rests) {
+    Scene scene;
+    scene.rewrite_events([](test::RawEvents& raw) {
+      for (size_t i = raw.t.size(); i-- > 0;) {
+        if (raw.t[i] <= 31000 || raw.t[i] >= 36000) continue;
+        for (auto* list : {&raw.x, &raw.y, &raw.t, &raw.p})
+          list->erase(list->begin() + std::ptrdiff_t(i));
+      }
+    });
+    if (rests) {
+      scene.rewrite_poses("all_poses_bounds.npy", [](torch::Tensor rows) {
+        rows = rows.clone();
+        for (int64_t i = 31; i <= 36; ++i) rows[i].copy_(rows[31]);
+        return rows;
+      });
+    }
+    for (const std::string& line : scene.warnings()) {
+      if (line.find("lost packets") != std::string::npos) return line;
+    }
+    return std::string();
+  };
+  CHECK_THAT(silence_in(false), test::naming("events.h5", "1 stretch", "01", "5 ms", "31000 us"));
+  CHECK(silence_in(true).empty());
+}
+
 }  // namespace
 }  // namespace jade::data

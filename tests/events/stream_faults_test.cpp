@@ -3,6 +3,8 @@
 
 #include "support/catch.h"
 
+#include <algorithm>
+#include <cmath>
 #include <torch/types.h>
 #include <vector>
 
@@ -100,4 +102,50 @@ TEST_CASE("stream faults: packets and single damaged times are no restart", "[ev
   times[30] = 900000;
   times[50] = 0;
   CHECK(fault_of(times) == "event times were not in order; they have been sorted");
+}
+
+TEST_CASE("stream faults: silences between dense events, not pauses of a camera", "[events]") {
+  std::vector<int64_t> times;
+  const auto found = [&] {
+    const auto count = int64_t(times.size());
+    const torch::Tensor place = torch::zeros({count});
+    return silences(
+        {place, place, torch::tensor(times, torch::kInt64), torch::ones({count}, torch::kInt8)});
+  };
+  const auto fill = [&](double period_us, double from_us, double to_us) {
+    for (double t = from_us; t < to_us; t += period_us) times.push_back(int64_t(t));
+  };
+  fill(50, 0, 100000);
+  CHECK(found().empty());
+  fill(50, 220000, 300000);  // 120 ms are missing
+  REQUIRE(found().size() == 1);
+  CHECK(found()[0].begin_us == 99950);
+  CHECK(found()[0].end_us == 220000);
+
+  // Packets of 4 ms, of which every third is missing.
+  times.clear();
+  for (int i = 0; i < 60; ++i) {
+    if (i % 3 > 0) fill(50, 4000 * i, 4000 * (i + 1));
+  }
+  CHECK(found().size() == 19);
+
+  // A camera that slows down, rests for 100 ms, and speeds up.
+  times.clear();
+  double t = 0;
+  for (double period = 50; t < 400000;) {
+    times.push_back(int64_t(t));
+    const double speed = std::max(1e-3, std::abs(t - 200000) / 200000 - 0.25);
+    period = std::min(50 / speed, 100000.0);
+    t += period;
+  }
+  CHECK(found().empty());
+
+  // Few events, and events in steps of the clock.
+  times.clear();
+  fill(5000, 0, 50000);
+  fill(5000, 300000, 400000);
+  CHECK(found().empty());
+  times.clear();
+  for (int i = 0; i < 200; ++i) times.insert(times.end(), 30, 1000 * i);
+  CHECK(found().empty());
 }

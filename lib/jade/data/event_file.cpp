@@ -110,6 +110,55 @@ std::string unread_events(const fs::path& folder) {
                 ", not read: unpack it, or convert it to one events.h5 with x, y, t and p");
 }
 
+/// How far the camera moves from one time to another: as an angle, at the depth of the scene.
+double motion(const Dataset& data, double from_us, double to_us) {
+  const geometry::Pose a = data.trajectory.at(from_us), b = data.trajectory.at(to_us);
+  const geometry::Vector3 p = geometry::centre(a), q = geometry::centre(b);
+  return geometry::rotation_angle(a, b) +
+         std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]) / std::sqrt(data.near * data.far);
+}
+
+/// True if the camera rests in the window and moves before or after it, by the path.
+bool rests(const Dataset& data, const events::TimeWindow& window) {
+  constexpr double kStill = 0.2;  // of the motion beside it
+  if (data.trajectory.empty()) return false;
+  const double begin = double(window.begin_us), end = double(window.end_us);
+  const double beside =
+      std::max(motion(data, 2 * begin - end, begin), motion(data, end, 2 * end - begin));
+  return motion(data, begin, end) < kStill * beside;
+}
+
+/// Warns of stretches without events in exposures, as lost packets leave them.
+void tell_silences(const fs::path& path, const Dataset& data, const Warnings& warnings) {
+  constexpr double kLeastOfOne = 0.05, kLeastOfAll = 0.02;  // of the length of exposures
+  const std::vector<events::TimeWindow> silences = events::silences(data.events);
+  if (silences.empty()) return;
+  double silent_us = 0, exposed_us = 0, largest_share = 0;
+  int64_t count = 0, longest_us = 0;
+  std::string place;
+  for (const Exposure& exposure : data.train) {
+    exposed_us += double(exposure.duration_us());
+    for (const events::TimeWindow& silence : silences) {
+      const int64_t begin = std::max(silence.begin_us, exposure.t_start_us);
+      const int64_t length = std::min(silence.end_us, exposure.t_end_us) - begin;
+      if (length <= 0 || rests(data, silence)) continue;
+      ++count;
+      silent_us += double(length);
+      largest_share = std::max(largest_share, double(length) / double(exposure.duration_us()));
+      if (length <= longest_us) continue;
+      longest_us = length;
+      place = concat("in ", exposure.name, ", ", 1e-3 * double(length), " ms from ", begin, " us");
+    }
+  }
+  if (count == 0 || (largest_share < kLeastOfOne && silent_us < kLeastOfAll * exposed_us)) return;
+  warnings.add(path.string(), ": expected events throughout the exposures, found ", count,
+               count == 1 ? " stretch" : " stretches", " without any, ",
+               0.1 * std::round(1000 * silent_us / exposed_us), " % of the exposed time (",
+               count == 1 ? "" : "the longest ", place,
+               "), between dense events, as lost packets leave them; restorations are wrong there; "
+               "record again, or leave these frames out");
+}
+
 }  // namespace
 
 void attach_events(const DatasetOptions& options, const EventSpan& exposures, const EventSpan& keep,
@@ -141,6 +190,7 @@ void attach_events(const DatasetOptions& options, const EventSpan& exposures, co
     exposure.events = data.events.slice(exposure.t_start_us, exposure.t_end_us);
     if (exposure.events.empty()) without.push_back(exposure.name);
   }
+  tell_silences(path, data, warnings);
   if (without.empty()) return;
   warnings.add(path.string(), ": ", without.size(), " of ", data.train.size(),
                " exposures have no events (", listing(without),

@@ -2,6 +2,7 @@
 #include "jade/events/stream_faults.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <torch/types.h>
@@ -107,6 +108,58 @@ std::string resolution_fault(std::vector<TimeWindow> exposures) {
   return concat("expected frame times in microseconds, found all of ", exposures.size(),
                 " in steps of ", ms(step), " ms, at a frame period of ", ms(std::llround(period)),
                 " ms: digits were lost, and exposures may be wrong by half a step; ", kWriteAgain);
+}
+
+namespace {
+
+/// Mean step between distinct times, without pauses.
+double usual_step_us(const EventStream& events) {
+  constexpr double kPause = 20;  // mean steps
+  const int64_t* const t = events.t_us().const_data_ptr<int64_t>();
+  int64_t steps = 0;
+  for (int64_t i = 1; i < events.size(); ++i) steps += t[i] != t[i - 1] ? 1 : 0;
+  if (steps == 0) return 0;
+  const double longest = kPause * double(t[events.size() - 1] - t[0]) / double(steps);
+  double active_us = 0;
+  for (int64_t i = 1; i < events.size(); ++i) {
+    const double step = double(t[i] - t[i - 1]);
+    active_us += step <= longest ? step : 0;
+  }
+  return active_us / double(steps);
+}
+
+}  // namespace
+
+std::vector<TimeWindow> silences(const EventStream& events) {
+  constexpr size_t kBeside = 24;       // distinct times at each end
+  constexpr int64_t kShortest = 1000;  // us
+  constexpr double kSlower = 3;  // steps at the ends, of usual ones: motion that comes to rest
+  const double longest_us = kSlower * double(kBeside) * usual_step_us(events);
+  const auto is_dense = [&](int64_t span_us, int64_t gap_us) {
+    return span_us < gap_us && double(span_us) <= longest_us;
+  };
+  const int64_t* const t = events.t_us().const_data_ptr<int64_t>();
+  std::array<int64_t, kBeside> last{};  // distinct times, a ring
+  size_t seen = 0;
+  struct Open {
+    TimeWindow silence;
+    size_t end;  ///< number of distinct times when it can be judged
+  };
+  std::vector<Open> open;
+  std::vector<TimeWindow> found;
+  for (int64_t i = 0; i < events.size(); ++i) {
+    if (seen > 0 && t[i] == last[(seen - 1) % kBeside]) continue;
+    const int64_t gap = seen > 0 ? t[i] - last[(seen - 1) % kBeside] : 0;
+    const bool is_dense_before =
+        seen >= kBeside && is_dense(last[(seen - 1) % kBeside] - last[seen % kBeside], gap);
+    if (gap >= kShortest && is_dense_before) open.push_back({{t[i] - gap, t[i]}, seen + kBeside});
+    last[seen++ % kBeside] = t[i];
+    if (open.empty() || open.front().end != seen) continue;
+    const TimeWindow silence = open.front().silence;
+    open.erase(open.begin());
+    if (is_dense(t[i] - silence.end_us, silence.duration_us())) found.push_back(silence);
+  }
+  return found;
 }
 
 void ClockOrder::add(int64_t t_us) {

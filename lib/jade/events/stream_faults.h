@@ -27,6 +27,11 @@ std::string resolution_fault(const EventStream& events);
 /// (of the period without exposures). Empty otherwise.
 std::string resolution_fault(std::vector<TimeWindow> exposures);
 
+/// Times without a single event, of 1 ms and more, between times at which they came so densely that
+/// dozens were to be expected: lost packets, or a camera that stops abruptly. Pauses at whose ends
+/// the events get rarer, and streams of few events, have none.
+std::vector<TimeWindow> silences(const EventStream& events);
+
 /// Follows event times in the order of a file, and finds where they go back.
 class ClockOrder {
  public:
