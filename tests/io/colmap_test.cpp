@@ -9,6 +9,7 @@
 
 #include "jade/core/error.h"
 #include "support/colmap_writer.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::io {
@@ -146,6 +147,28 @@ TEST_CASE("colmap: images are counted without reading them", "[io]") {
 TEST_CASE("colmap: a folder without a model says what was expected", "[io]") {
   const test::TempDir folder;
   CHECK_THROWS_WITH(read_colmap(folder.path()), Catch::Contains("sparse/0"));
+}
+
+TEST_CASE("colmap: NaN and infinity are refused with file and row", "[io]") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  std::vector<ColmapImage> images = two_images();
+  images[1].translation[2] = nan;
+  std::vector<double> points = kPoints;
+  points[4] = std::numeric_limits<double>::infinity();
+  CHECK_THROWS_NAMING(DataError, parse_colmap(test::binary_model(kCamera, images, kPoints)),
+                      "images.bin", "image 2 of 2", "nan");
+  CHECK_THROWS_NAMING(DataError, parse_colmap(test::text_model(kCamera, images, kPoints)),
+                      "images.txt", "line 4", "nan");
+  CHECK_THROWS_NAMING(DataError, parse_colmap(test::binary_model(kCamera, two_images(), points)),
+                      "points3D.bin", "point 2 of 2", "inf");
+  CHECK_THROWS_NAMING(DataError, parse_colmap(test::text_model(kCamera, two_images(), points)),
+                      "points3D.txt", "line 2", "inf");
+  ColmapCamera camera = kCamera;
+  camera.parameters[1] = nan;
+  CHECK_THROWS_NAMING(DataError, parse_colmap(test::binary_model(camera, two_images(), kPoints)),
+                      "cameras.bin", "camera 1", "nan");
+  CHECK_THROWS_NAMING(DataError, parse_colmap(test::text_model(camera, two_images(), kPoints)),
+                      "cameras.txt", "line 2", "nan");
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <set>
@@ -76,10 +77,12 @@ class Cursor {
     at_ += sizeof(T);
     return value;
   }
-  double take_finite() {
+  /// @param row  of the value, as "image 3 of 20", for the message
+  template <class Row>
+  double take_finite(const Row& row) {
     const auto value = take<double>();
-    if (!std::isfinite(value)) throw damaged(file_, concat("found ", value, " at byte ", at_ - 8));
-    return value;
+    if (std::isfinite(value)) return value;
+    throw damaged(file_, concat(row(), ": expected finite numbers, found ", value));
   }
   /// Reads a count of records of at least `record_size` bytes each, and checks it against the
   /// remaining bytes.
@@ -117,6 +120,7 @@ std::vector<ColmapCamera> binary_cameras(const std::string& bytes, const std::st
   std::vector<ColmapCamera> cameras(cursor.take_count(4 + 4 + 8 + 8 + 2 * 8));
   for (ColmapCamera& camera : cameras) {
     camera.id = cursor.take<int32_t>();
+    const auto row = [&] { return concat("camera ", camera.id); };
     const auto model = cursor.take<int32_t>();
     if (model < 0 || model >= int32_t(std::size(kModels))) {
       constexpr int32_t kFarFromAny = 1000;
@@ -129,7 +133,7 @@ std::vector<ColmapCamera> binary_cameras(const std::string& bytes, const std::st
     camera.width = cursor.take<int64_t>();
     camera.height = cursor.take<int64_t>();
     camera.parameters.resize(kModels[model].parameters);
-    for (double& parameter : camera.parameters) parameter = cursor.take_finite();
+    for (double& parameter : camera.parameters) parameter = cursor.take_finite(row);
   }
   return cameras;
 }
@@ -142,8 +146,9 @@ std::vector<ColmapImage> binary_images(const std::string& bytes, const std::stri
   for (uint64_t i = 0; i < count; ++i) {
     ColmapImage image;
     image.id = cursor.take<int32_t>();
-    for (double& value : image.rotation) value = cursor.take_finite();
-    for (double& value : image.translation) value = cursor.take_finite();
+    const auto row = [&] { return concat("image ", i + 1, " of ", count, " (id ", image.id, ")"); };
+    for (double& value : image.rotation) value = cursor.take_finite(row);
+    for (double& value : image.translation) value = cursor.take_finite(row);
     image.camera_id = cursor.take<int32_t>();
     image.name = cursor.take_name();
     constexpr size_t kObservation = 24;  // x, y, point id
@@ -160,8 +165,9 @@ Points binary_points(const std::string& bytes, const std::string& file) {
   points.xyz.reserve(3 * count);
   points.rgb.reserve(3 * count);
   for (uint64_t i = 0; i < count; ++i) {
-    cursor.skip(8);  // id
-    for (int axis = 0; axis < 3; ++axis) points.xyz.push_back(cursor.take_finite());
+    const auto id = cursor.take<uint64_t>();
+    const auto row = [&] { return concat("point ", i + 1, " of ", count, " (id ", id, ")"); };
+    for (int axis = 0; axis < 3; ++axis) points.xyz.push_back(cursor.take_finite(row));
     for (int channel = 0; channel < 3; ++channel) points.rgb.push_back(cursor.take<uint8_t>());
     points.errors.push_back(cursor.take<double>());
     constexpr size_t kTrackElement = 8;  // image id, observation index
@@ -189,7 +195,19 @@ struct Lines {
   }
   bool blank() const { return line.find_first_not_of(" \t") == std::string::npos; }
   DataError error(const std::string& expected) const {
-    return damaged(file, concat("line ", number, ": expected ", expected));
+    const std::string beyond = not_finite();
+    return damaged(file, concat("line ", number, ": expected ",
+                                beyond.empty() ? expected : "finite numbers, found " + beyond));
+  }
+  /// The first word of the line that stands for NaN or infinity; empty if there is none.
+  std::string not_finite() const {
+    std::istringstream words(line);
+    for (std::string word; words >> word;) {
+      char* end = nullptr;
+      const double value = std::strtod(word.c_str(), &end);
+      if (end == word.c_str() + word.size() && !std::isfinite(value)) return word;
+    }
+    return "";
   }
   std::istringstream stream;
   std::string file;
