@@ -311,5 +311,40 @@ TEST_CASE("evdeblur: held-out names that are no exposure, or all of them, are re
   CHECK_THROWS_NAMING(DataError, load(folder / "scene"), "every exposure");
 }
 
+TEST_CASE("evdeblur: lists may store the accents of names in another form, or be in UTF-16",
+          "[data]") {
+  const test::TempDir folder;
+  const fs::path scene = folder / "scene";
+  write_evdeblur(scene, test::tiny_content());
+  const std::string composed = "0\xC3\xA9", decomposed = "0e\xCC\x81";
+  fs::rename(scene / "images_1/01.png", scene / "images_1" / (composed + ".png"));
+  write_file(scene / kHeldOutFile, decomposed + "\n");
+  write_file(scene / kGainFile, "name,gain\n" + decomposed + ",2\n00,3\n02,3\n03,3\n04,3\n05,3\n");
+  std::vector<std::string> warnings;
+  const Dataset data = load(scene, &warnings);
+  REQUIRE(data.held_out.size() == 1);
+  CHECK(data.held_out[0].name == composed);
+  CHECK(mentions(warnings, "held_out.txt"));
+  fs::remove(scene / kGainFile);
+  std::string wide = "\xFF\xFE";
+  for (const char letter : std::string("02\r\n")) wide += std::string{letter, '\0'};
+  write_file(scene / kHeldOutFile, wide);
+  const Dataset held = load(scene);
+  REQUIRE(held.held_out.size() == 1);
+  CHECK(held.held_out[0].name == "02");
+}
+
+TEST_CASE("evdeblur: a row of another image size is reported", "[data]") {
+  const test::TempDir folder;
+  write_evdeblur(folder / "scene", test::tiny_content());
+  torch::Tensor rows = io::read_npy(folder / "scene/poses_bounds.npy").clone();
+  rows[3][4] = 26;
+  rows[3][9] = 42;
+  io::write_npy(folder / "scene/poses_bounds.npy", rows);
+  std::vector<std::string> warnings;
+  load(folder / "scene", &warnings);
+  CHECK(mentions(warnings, "42x26 in row 3"));
+}
+
 }  // namespace
 }  // namespace jade::data

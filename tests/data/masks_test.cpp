@@ -82,6 +82,13 @@ TEST_CASE("masks: a name with its accents in another form", "[data]") {
   CHECK(is_excluded(scene.load().test.back().mask, without_left()));
 }
 
+TEST_CASE("masks: an empty folder does not hide one in another case", "[data]") {
+  MaskedScene scene;
+  scene.put("Masks/00.png", without_left());
+  fs::create_directory(scene.file("masks"));
+  CHECK(is_excluded(scene.load().train[0].mask, without_left()));
+}
+
 TEST_CASE("masks: the mask of all frames in any case", "[data]") {
   const std::string name = GENERATE("Mask.png", "MASK.PNG");
   MaskedScene scene;

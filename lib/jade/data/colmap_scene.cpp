@@ -119,8 +119,14 @@ std::string near_name(const fs::path& folder, const std::vector<std::string>& mi
     auto found = files.find(bare_name(inside));
     if (found == files.end()) found = files.find(bare_name(inside.filename()));
     if (found == files.end()) continue;
+    const auto kind = [](const fs::path& path) {
+      return in_small_letters(path.extension().string());
+    };
     return concat("; the model names ", name, ", the folder has ", found->second.string(),
-                  ": rename the files as in the model");
+                  kind(inside) == kind(found->second)
+                      ? ": rename the files as in the model"
+                      : ": write the names of the files into the model's images.txt (colmap "
+                        "model_converter --output_type TXT), or run COLMAP on these files");
   }
   return "";
 }

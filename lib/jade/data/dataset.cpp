@@ -5,6 +5,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
+#include <optional>
 #include <sstream>
 #include <torch/types.h>
 
@@ -16,6 +17,7 @@
 #include "jade/data/event_file.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/masks.h"
+#include "jade/data/named_files.h"
 #include "jade/data/origin.h"
 #include "jade/data/start_points.h"
 #include "jade/data/stray_views.h"
@@ -100,18 +102,23 @@ std::vector<std::string> held_out_names(const fs::path& path) {
 }
 
 /// Moves the exposures that the folder names from training to held_out.
-void hold_out(Dataset& data) {
+void hold_out(const Warnings& warnings, Dataset& data) {
   const fs::path path = data.root / kHeldOutFile;
+  std::vector<std::string> respelled;
   for (const std::string& name : held_out_names(path)) {
-    const auto found = std::find_if(data.train.begin(), data.train.end(),
-                                    [&](const Exposure& e) { return e.name == name; });
-    if (found == data.train.end()) {
+    std::vector<std::string> names;
+    for (const Exposure& exposure : data.train) names.push_back(exposure.name);
+    const std::optional<size_t> place = place_of(name, names);
+    if (!place) {
       throw DataError(concat(path.string(), ": expected names of training exposures, found '", name,
                              "'; correct or remove the line"));
     }
+    if (names[*place] != name) respelled.push_back(name);
+    const auto found = data.train.begin() + std::ptrdiff_t(*place);
     data.held_out.push_back(std::move(*found));
     data.train.erase(found);
   }
+  tell_respelled(path, respelled, warnings);
   if (!data.held_out.empty() && data.train.empty()) {
     throw DataError(
         concat(path.string(), ": holds out every exposure; leave at least one for training"));
@@ -199,7 +206,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   if (kind == DatasetKind::kTransforms) data = load_transforms(options, sink);
   data.kind = kind;
   data.name = folder_name(options.path);
-  hold_out(data);
+  hold_out(sink, data);
   tell_origin(data);
   mark_strays(data, sink);
   tell_still_cameras(data, sink);

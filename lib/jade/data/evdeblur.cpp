@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <map>
 #include <numeric>
+#include <optional>
 #include <sstream>
 #include <torch/types.h>
 
@@ -17,6 +18,7 @@
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
 #include "jade/data/llff.h"
+#include "jade/data/named_files.h"
 #include "jade/data/origin.h"
 #include "jade/data/stray_views.h"
 #include "jade/data/undistorter.h"
@@ -422,18 +424,23 @@ void read_gains(const fs::path& path, const Warnings& warnings, Dataset& data) {
                              line.substr(0, comma), "' again; remove one of the lines"));
     }
   }
-  std::vector<std::string> without;
+  std::vector<std::string> without, respelled;
   const auto set = [&](auto& frame) {
-    const auto found = gains.find(frame.name);
-    if (found == gains.end()) {
+    std::vector<std::string> names;
+    for (const auto& [name, gain] : gains) names.push_back(name);
+    const std::optional<size_t> place = place_of(frame.name, names);
+    if (!place) {
       without.push_back(frame.name);
       return;
     }
+    const auto found = gains.find(names[*place]);
+    if (found->first != frame.name) respelled.push_back(found->first);
     frame.gain = found->second;
     gains.erase(found);
   };
   for (Exposure& exposure : data.train) set(exposure);
   for (SharpView& view : data.test) set(view);
+  tell_respelled(path, respelled, warnings);
   if (!without.empty() && gains.empty()) {
     warnings.add(path.string(), ": expected a gain for each frame, found none for ",
                  listing(without, 3), ", which get a gain of 1; add their lines");

@@ -60,18 +60,35 @@ std::string in_small_letters(std::string text) {
   return text;
 }
 
+std::optional<size_t> place_of(const std::string& name, const std::vector<std::string>& names) {
+  const auto exact = std::find(names.begin(), names.end(), name);
+  if (exact != names.end()) return size_t(exact - names.begin());
+  std::optional<size_t> place;
+  for (size_t i = 0; i < names.size(); ++i) {
+    if (!io::same_but_accents(name, names[i])) continue;
+    if (place) return std::nullopt;
+    place = i;
+  }
+  return place;
+}
+
 fs::path in_any_case(const fs::path& folder, const std::string& name) {
   std::error_code error;
-  fs::path best = folder / name;
-  if (fs::exists(best, error)) return best;
+  const auto is_empty_folder = [](const fs::path& path) {
+    std::error_code ignored;
+    return fs::is_directory(path, ignored) && fs::is_empty(path, ignored);
+  };
+  const fs::path exact = folder / name;
+  if (fs::exists(exact, error) && !is_empty_folder(exact)) return exact;
   std::string first;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string found = entry->path().filename().string();
-    if (in_small_letters(found) == in_small_letters(name) && (first.empty() || found < first))
+    if (in_small_letters(found) == in_small_letters(name) && !is_empty_folder(entry->path()) &&
+        (first.empty() || found < first))
       first = found;
   }
-  return first.empty() ? best : folder / first;
+  return first.empty() ? exact : folder / first;
 }
 
 std::string slashed(std::string path) {

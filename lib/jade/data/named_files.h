@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,11 +18,15 @@ std::string slashed(std::string path);
 void tell_respelled(const std::filesystem::path& list, const std::vector<std::string>& names,
                     const Warnings& warnings);
 
+/// The place of `name` in a list: the same name, else the only one that equals it up to composed
+/// and decomposed accents. No value if there is none.
+std::optional<size_t> place_of(const std::string& name, const std::vector<std::string>& names);
+
 /// The text in lower case, to compare names without case. Letters beyond ASCII stay.
 std::string in_small_letters(std::string text);
 
 /// The entry `name` of a folder, or the first in order that differs only by case; `folder / name`
-/// if there is none.
+/// if there is none. Empty folders do not count.
 std::filesystem::path in_any_case(const std::filesystem::path& folder, const std::string& name);
 
 /// An image below `folder` whose path differs from `given` only by case or extension, relative to

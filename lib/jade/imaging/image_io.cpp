@@ -190,6 +190,11 @@ cv::Mat decode(const fs::path& path, int how = kWithoutAlpha) {
   if (mat.empty()) {
     if (const std::string other = io::stand_in(path); !other.empty())
       throw DataError(concat(path.string(), ": expected an image, found ", other));
+    if (!is_image_extension(extension(path))) {
+      throw DataError(concat(path.string(), ": expected an image that can be read, found a ",
+                             path.extension().string(), " file; convert it to .png, .jpg, .tif, ",
+                             ".bmp, .webp, .ppm or .pgm, and name the new file in the list"));
+    }
     throw DataError(concat(path.string(),
                            ": expected an image (PNG, JPEG, TIFF, …), found a file that ",
                            "cannot be decoded; is it damaged or of another type?"));
