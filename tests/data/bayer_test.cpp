@@ -7,6 +7,8 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "support/naming.h"
+#include "support/temp_dir.h"
 
 namespace jade::data {
 namespace {
@@ -34,6 +36,28 @@ TEST_CASE("bayer: the raw pixel nearest to a rectified pixel gives its colour", 
 
 TEST_CASE("bayer: maps of different shapes are refused", "[data]") {
   CHECK_THROWS_AS(event_color_map(torch::zeros({2, 2}), torch::zeros({2, 3}), 2, 2), ContractError);
+}
+
+TEST_CASE("bayer: a map that leaves the image without colours is refused or reported", "[data]") {
+  const test::TempDir folder;
+  const std::filesystem::path path = folder / "ev_map.npz";
+  std::vector<std::string> lines;
+  const auto read = [&] { return read_event_color_map(path, 8, 10, Warnings(&lines)); };
+  write_event_color_map(path, 8, 10);
+  CHECK(read().any(0).all().item<bool>());
+  CHECK(lines.empty());
+
+  const auto axes = torch::meshgrid({torch::arange(8), torch::arange(10)}, "ij");
+  torch::Tensor map = torch::stack({axes[1], axes[0]}).to(torch::kFloat32);
+  map.slice(2, 5) = std::nan("");
+  write_event_color_map(path, map);
+  read();
+  REQUIRE(lines.size() == 1);
+  CHECK_THAT(lines[0], test::naming("ev_map.npz", "50 %", "40 of 80"));
+  for (const torch::Tensor& useless : {map * std::nan(""), map * 0, map + 1000}) {
+    write_event_color_map(path, useless);
+    CHECK_THROWS_NAMING(DataError, read(), "ev_map.npz", "dataset.color_events");
+  }
 }
 
 }  // namespace

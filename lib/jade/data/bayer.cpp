@@ -39,8 +39,8 @@ torch::Tensor event_color_map(const torch::Tensor& map_x, const torch::Tensor& m
   return out;
 }
 
-torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t height,
-                                   int64_t width) {
+torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t height, int64_t width,
+                                   const Warnings& warnings) {
   const io::Npz archive(path);
   const torch::Tensor x = archive.read("inv_mapx");
   const torch::Tensor y = archive.read("inv_mapy");
@@ -50,7 +50,21 @@ torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t he
                            "found ",
                            x.sizes(), " and ", y.sizes()));
   }
-  return event_color_map(x, y, height, width);
+  constexpr double kLeastRefused = 0.1, kLeastTold = 0.6;  // of the image
+  torch::Tensor colors = event_color_map(x, y, height, width);
+  const double share =
+      double(colors.any(0).sum().item<int64_t>()) / (double(height) * double(width));
+  if (share >= kLeastTold) return colors;
+  const torch::Tensor numbers = x.to(torch::kFloat64) + y.to(torch::kFloat64);
+  const int64_t not_finite = numbers.isfinite().logical_not().sum().item<int64_t>();
+  const std::string found =
+      concat(path.string(), ": expected the place of each event pixel in the ", width, "x", height,
+             " image, found places for ", 0.1 * std::round(1000 * share), " % of it",
+             not_finite == 0 ? "" : concat(" and ", not_finite, " of ", x.numel(), " NaN or Inf"),
+             "; write the map again, in pixels of the image, or set dataset.color_events false");
+  if (share < kLeastRefused) throw DataError(found);
+  warnings.add(found);
+  return colors;
 }
 
 void write_event_color_map(const std::filesystem::path& path, const torch::Tensor& map) {

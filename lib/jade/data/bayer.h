@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <torch/types.h>
 
+#include "jade/data/warnings.h"
+
 namespace jade::data {
 
 /// The channel (0 red, 1 green, 2 blue) that the RGGB filter of colour event sensors passes at a
@@ -20,9 +22,12 @@ constexpr int64_t filter_channel(int64_t row, int64_t column) { return row % 2 +
 torch::Tensor event_color_map(const torch::Tensor& map_x, const torch::Tensor& map_y,
                               int64_t height, int64_t width);
 
-/// Colour map from ev_map.npz with inv_mapx and inv_mapy. @throws DataError.
-torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t height,
-                                   int64_t width);
+/// Colour map from ev_map.npz with inv_mapx and inv_mapy. Warns of one that leaves a large part of
+/// the image without a colour.
+/// @throws DataError for arrays of other shapes, and for places of which nearly none is in the
+///   image.
+torch::Tensor read_event_color_map(const std::filesystem::path& path, int64_t height, int64_t width,
+                                   const Warnings& warnings);
 
 /// Writes ev_map.npz: raw pixel (i,j) maps to column map[0,i,j] and row map[1,i,j].
 /// @throws DataError.

@@ -245,7 +245,17 @@ geometry::Intrinsics camera_of(const Sources& s, const torch::Tensor& image,
     throw DataError(concat(s.images.parent_path().string(), "/poses_bounds.npy: focal length ",
                            view.focal_px, " px; write it as the fifth number of the third line"));
   }
-  for (size_t i = 1; i < s.views.size(); ++i) {
+  const auto other = std::find_if(s.views.begin(), s.views.end(), [&](const LlffView& each) {
+    return std::abs(each.width - view.width) > 1 || std::abs(each.height - view.height) > 1;
+  });
+  if (other != s.views.end()) {
+    warnings.add((s.images.parent_path() / "poses_bounds.npy").string(),
+                 ": expected one image size in all rows, found ", view.width, "x", view.height,
+                 " in row 0 and ", other->width, "x", other->height, " in row ",
+                 other - s.views.begin(), "; size and focal length of row 0 are used for all ",
+                 "frames; export the poses again");
+  }
+  for (size_t i = 1; i < s.views.size() && other == s.views.end(); ++i) {
     if (std::abs(s.views[i].focal_px - view.focal_px) > 1e-6 * view.focal_px) {
       warnings.add("poses_bounds.npy: focal lengths differ (", view.focal_px, " and ",
                    s.views[i].focal_px, " px); the first is used for all frames");
@@ -528,7 +538,7 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
   const fs::path color_map = options.path / "ev_map.npz";
   if (options.color_events && fs::exists(color_map)) {
     const geometry::Intrinsics& camera = data.train.front().camera;
-    data.event_color = read_event_color_map(color_map, camera.height, camera.width);
+    data.event_color = read_event_color_map(color_map, camera.height, camera.width, warnings);
   }
   return data;
 }
