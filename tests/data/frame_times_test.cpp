@@ -154,5 +154,21 @@ TEST_CASE("split: without any exposure, every rule names the arrays to correct",
   }
 }
 
+TEST_CASE("frame times: an exposure that is tiny beside the others is reported", "[data]") {
+  std::vector<FrameTime> times;
+  for (int64_t i = 0; i < 6; ++i) times.push_back({40000 * i, 40000 * i + 20000});
+  times.push_back({300000, 300000});
+  const auto told = [&] {
+    std::vector<std::string> lines;
+    split_frames(times, {}, "timestamps.npz", Warnings(&lines));
+    return lines.empty() ? "" : lines[0];
+  };
+  CHECK(told().empty());
+  times[2].end_us = times[2].start_us + 5000;
+  CHECK(told().empty());
+  times[4].end_us = times[4].start_us + 1;
+  CHECK_THAT(told(), test::naming("timestamps.npz", "frame 4 (1 us)", "20000 us"));
+}
+
 }  // namespace
 }  // namespace jade::data

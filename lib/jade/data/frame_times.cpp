@@ -186,11 +186,39 @@ std::string milliseconds_note(const FrameTimes& times, events::TimeUnit wanted,
                 "the length that they say in us or s; dataset.time_unit names another unit");
 }
 
+namespace {
+
+/// Warns of frames whose exposure is a tiny part of the others', as sharp frames have.
+void tell_short(const std::vector<FrameTime>& times, const std::string& path,
+                const Warnings& warnings) {
+  constexpr double kTiny = 0.02;
+  std::vector<int64_t> lengths;
+  for (const FrameTime& time : times) {
+    if (!time.sharp()) lengths.push_back(time.end_us - time.start_us);
+  }
+  const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
+  std::nth_element(lengths.begin(), middle, lengths.end());
+  std::vector<std::string> found;
+  for (size_t i = 0; i < times.size(); ++i) {
+    const int64_t length = times[i].end_us - times[i].start_us;
+    if (!times[i].sharp() && double(length) < kTiny * double(*middle))
+      found.push_back(concat(i, " (", length, " us)"));
+  }
+  if (found.empty()) return;
+  warnings.add(path, ": expected exposures of about ", *middle, " us, found much shorter ones of ",
+               found.size() == 1 ? "frame " : "frames ", listing(found),
+               ", which train as blurry frames; write equal timestamps_start and timestamps_end "
+               "for sharp test views");
+}
+
+}  // namespace
+
 Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
                    const std::string& path, const Warnings& warnings) {
   check_exposed(times, path);
   Split split;
   if (rule.kind == SplitKind::kAuto) {
+    tell_short(times, path, warnings);
     for (const FrameTime& time : times) split.is_test.push_back(time.sharp());
     split.rule = concat(describe_pattern(split.is_test), ", by their zero exposure time");
     if (std::count(split.is_test.begin(), split.is_test.end(), true) == 0) {
