@@ -149,3 +149,42 @@ TEST_CASE("stream faults: silences between dense events, not pauses of a camera"
   for (int i = 0; i < 200; ++i) times.insert(times.end(), 30, 1000 * i);
   CHECK(found().empty());
 }
+
+TEST_CASE("stream faults: coordinates that count from 1", "[events]") {
+  const ImageSize size{40, 50};
+  const int64_t count = 40 * 50 * 4;
+  const torch::Tensor all = torch::arange(count), t = all * 3;
+  const torch::Tensor x = all.remainder(50).to(torch::kFloat32);
+  const torch::Tensor y = all.floor_divide(50).remainder(40).to(torch::kFloat32);
+  const torch::Tensor p = torch::ones({count}, torch::kInt8);
+  CHECK_THAT(one_based_fault({x + 1, y + 1, t, p}, size), test::naming("1 to 50 and 40"));
+  CHECK(one_based_fault({x, y, t, p}, size).empty());
+  CHECK(one_based_fault({x + 1, y, t, p}, size).empty());
+  CHECK(one_based_fault({x + 2, y + 2, t, p}, size).empty());
+  CHECK(one_based_fault({x + 1, y + 1, t, p}, {41, 51}).empty());
+  CHECK(one_based_fault({}, size).empty());
+}
+
+TEST_CASE("stream faults: copies of nearly all events are removed, single ones stay", "[events]") {
+  const int64_t count = 20000;
+  const torch::Tensor all = torch::arange(count);
+  const EventStream once(
+      all.remainder(50).to(torch::kFloat32), all.floor_divide(7).remainder(40).to(torch::kFloat32),
+      all.floor_divide(5) * 20, (all.remainder(3).gt(0).to(torch::kInt8) * 2 - 1).to(torch::kInt8));
+  const auto at = [&](const torch::Tensor& index) {
+    return EventStream(once.x().index_select(0, index), once.y().index_select(0, index),
+                       once.t_us().index_select(0, index), once.polarity().index_select(0, index));
+  };
+  CHECK(without_copies(once).copies == 0);
+  CHECK(without_copies({}).copies == 0);
+  const DistinctEvents twice = without_copies(at(all.repeat_interleave(2)));
+  CHECK(twice.copies == count);
+  CHECK(twice.events.x().equal(once.x()));
+  CHECK(twice.events.t_us().equal(once.t_us()));
+  // Two files that share the last half.
+  const torch::Tensor half = torch::cat({all.slice(0, 0, 10000), all.slice(0, 10000).repeat(2)});
+  CHECK(without_copies(at(std::get<0>(half.sort()))).copies == Approx(10000).margin(4096));
+  // A tenth of the pixels fires twice at once.
+  const torch::Tensor some = torch::cat({all, all.slice(0, 0, count, 10)});
+  CHECK(without_copies(at(std::get<0>(some.sort()))).copies == 0);
+}

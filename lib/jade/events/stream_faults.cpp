@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 #include <torch/types.h>
+#include <tuple>
 
 #include "jade/core/error.h"
 #include "jade/events/time_faults.h"
@@ -160,6 +161,59 @@ std::vector<TimeWindow> silences(const EventStream& events) {
     if (is_dense(t[i] - silence.end_us, silence.duration_us())) found.push_back(silence);
   }
   return found;
+}
+
+std::string one_based_fault(const EventStream& events, const ImageSize& size) {
+  constexpr int64_t kFewest = 10;  // events in the row, and in the column, beyond the last
+  const torch::Tensor x = events.x().round(), y = events.y().round();
+  const auto count = [](const torch::Tensor& which) { return which.sum().item<int64_t>(); };
+  const int64_t columns = count(x == double(size.width)), rows = count(y == double(size.height));
+  if (columns < kFewest || rows < kFewest || count(x <= 0) > 0 || count(y <= 0) > 0) return "";
+  if (count(x > double(size.width)) > 0 || count(y > double(size.height)) > 0) return "";
+  return concat("expected event coordinates from 0 to ", size.width - 1, " and ", size.height - 1,
+                ", found 1 to ", size.width, " and ", size.height,
+                ": they count from 1; subtract 1 from x and y");
+}
+
+DistinctEvents without_copies(const EventStream& events) {
+  constexpr int64_t kPart = 4096, kFewest = 100;
+  constexpr double kNearlyAll = 0.9;
+  const int64_t count = events.size();
+  const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
+  const int64_t* const t = events.t_us().const_data_ptr<int64_t>();
+  const int8_t* const p = events.polarity().const_data_ptr<int8_t>();
+  const auto place = [&](int64_t i) { return std::make_tuple(x[i], y[i], p[i]); };
+  std::vector<bool> copied(size_t(count), false);
+  std::vector<int64_t> same;  // events at one time
+  int64_t part = 0, distinct = 0, repeated = 0, copies = 0;
+  for (int64_t begin = 0, end = 0; begin < count; begin = end) {
+    while (end < count && t[end] == t[begin]) ++end;
+    same.resize(size_t(end - begin));
+    std::iota(same.begin(), same.end(), begin);
+    std::sort(same.begin(), same.end(), [&](int64_t a, int64_t b) { return place(a) < place(b); });
+    for (size_t i = 0, next = 0; i < same.size(); i = next) {
+      for (next = i + 1; next < same.size() && place(same[next]) == place(same[i]); ++next)
+        copied[size_t(same[next])] = true;
+      ++distinct, repeated += next - i > 1 ? 1 : 0;
+    }
+    if (end - part < kPart && end < count) continue;
+    if (distinct >= kFewest && double(repeated) >= kNearlyAll * double(distinct)) {
+      copies += end - part - distinct;
+    } else {
+      std::fill(copied.begin() + part, copied.begin() + end, false);
+    }
+    part = end, distinct = repeated = 0;
+  }
+  if (copies == 0) return {events, 0};
+  torch::Tensor kept = torch::empty({count - copies}, torch::kInt64);
+  int64_t* to = kept.data_ptr<int64_t>();
+  for (int64_t i = 0; i < count; ++i) {
+    if (!copied[size_t(i)]) *to++ = i;
+  }
+  const auto chosen = [&](const torch::Tensor& all) { return all.index_select(0, kept); };
+  return {
+      {chosen(events.x()), chosen(events.y()), chosen(events.t_us()), chosen(events.polarity())},
+      copies};
 }
 
 void ClockOrder::add(int64_t t_us) {

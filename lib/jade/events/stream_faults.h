@@ -32,6 +32,20 @@ std::string resolution_fault(std::vector<TimeWindow> exposures);
 /// the events get rarer, and streams of few events, have none.
 std::vector<TimeWindow> silences(const EventStream& events);
 
+/// A fault of coordinates that count from 1: no event in the first column and row of a sensor of
+/// this size, and some just beyond the last ones. Empty otherwise.
+std::string one_based_fault(const EventStream& events, const ImageSize& size);
+
+struct DistinctEvents {
+  EventStream events;
+  int64_t copies = 0;  ///< number of removed events
+};
+
+/// Removes events that repeat another one (time, place and polarity) from parts of a stream that
+/// hold nearly every event twice or more, as files that were joined or written twice do. Single
+/// repetitions stay: with rounded times a pixel may fire twice at once. CPU streams only.
+DistinctEvents without_copies(const EventStream& events);
+
 /// Follows event times in the order of a file, and finds where they go back.
 class ClockOrder {
  public:

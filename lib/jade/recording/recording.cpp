@@ -163,6 +163,17 @@ bool is_scaled(double right, double bottom) {
   return right >= kLeast && bottom >= kLeast && std::abs(right / bottom - 1) <= kShape;
 }
 
+/// Rejects coordinates that count from 1, which lie a pixel beside the frames.
+void check_first_pixel(const Recording& recording) {
+  if (recording.frames.empty() || recording.events.empty()) return;
+  const torch::Tensor& image = recording.frames.front().image;
+  const bool said = recording.width > 0;
+  const events::ImageSize size{said ? recording.height : image.size(1),
+                               said ? recording.width : image.size(2)};
+  const std::string fault = events::one_based_fault(recording.events, size);
+  if (!fault.empty()) throw DataError(concat(recording.source.string(), ": ", fault));
+}
+
 /// Infers the sensor's size from frames of the event sensor itself.
 void find_sensor_size(Recording& recording) {
   recording.size_is_said = recording.width > 0;
@@ -376,6 +387,7 @@ Recording read_recording(const fs::path& path, const ReadOptions& options) {
   recording.mask_root = mask_root(path, options, contents);
   read_frames(std::move(contents.files), recording);
   check_unit(recording);
+  check_first_pixel(recording);
   find_sensor_size(recording);
   drop_outside(recording);
   if (recording.stored_events == 0) recording.notes.push_back("there are no events");
