@@ -94,4 +94,7 @@ TEST_CASE("blur check: right poses explain the blur, static or reversed poses do
   import::PosedExposure without = sideways(1);
   without.points.clear();
   CHECK(import::explained_blur({without}) == 0);
+  CHECK(import::posed_blur_px({without}) == 0);
+  CHECK(import::posed_blur_px({sideways(1)}) == Approx(12));
+  CHECK(import::posed_blur_px({sideways(0.5), across}) == Approx(12));
 }

@@ -353,9 +353,8 @@ std::string said_of(const Capture& capture) {
 std::string said_of(const SearchResult& result) {
   const Attempt& a = result.attempts[result.chosen];
   return concat(a.registered, " of ", a.images, " images, ", a.points, " points, error ",
-                readable(a.error_px, 2), " px, ", std::lround(100 * a.explained_blur),
-                " % of the blur explained, focal length ", readable(result.best.camera.fx, 4),
-                " px, attempt ", a.name);
+                readable(a.error_px, 2), " px, ", said_of_blur(a), ", focal length ",
+                readable(result.best.camera.fx, 4), " px, attempt ", a.name);
 }
 
 /// Names the masks beside the folder of --frames.

@@ -7,6 +7,7 @@
 
 #include "jade/core/check.h"
 #include "jade/imaging/color.h"
+#include "jade/import/median.h"
 
 namespace jade::import {
 namespace {
@@ -160,6 +161,19 @@ double explained_blur(const std::vector<PosedExposure>& exposures) {
   }
   const double rival = std::min(still, turned);
   return rival > 0 ? 1 - left / rival : 0;
+}
+
+double posed_blur_px(const std::vector<PosedExposure>& exposures) {
+  std::vector<double> lengths;
+  for (const PosedExposure& e : exposures) {
+    const torch::Tensor tracks = tracks_of(e);
+    if (tracks.size(0) == 0) continue;
+    const torch::Tensor ways = tracks - tracks.select(1, tracks.size(1) / 2).unsqueeze(1);
+    const torch::Tensor longest = 2 * ways.norm(2, 2).amax(1).contiguous();
+    lengths.insert(lengths.end(), longest.const_data_ptr<double>(),
+                   longest.const_data_ptr<double>() + longest.numel());
+  }
+  return median_of(std::move(lengths));
 }
 
 }  // namespace jade::import

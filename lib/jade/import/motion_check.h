@@ -44,4 +44,9 @@ struct PosedExposure {
 /// @return 0 if no point is in view
 double explained_blur(const std::vector<PosedExposure>& exposures);
 
+/// Length of the blur according to the poses, px: the median over all points and exposures of twice
+/// the largest distance of a point from its place at the middle.
+/// @return 0 if no point is in view
+double posed_blur_px(const std::vector<PosedExposure>& exposures);
+
 }  // namespace jade::import

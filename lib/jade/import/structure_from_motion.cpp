@@ -185,10 +185,10 @@ std::string said_of(const FrameMotion& motion) {
                 " px at most");
 }
 
-/// Uses blurry shots with a middle image, spread over the recording, with the poses in `found`.
-double explained_blur_of(const fs::path& latents, const std::vector<LatentImage>& images,
-                         const Capture& capture, const Reconstruction& found) {
-  if (found.poses.size() < 2) return 0;
+/// Compares blurry shots with a middle image, spread over the recording, with the poses in `found`.
+void check_blur(const fs::path& latents, const std::vector<LatentImage>& images,
+                const Capture& capture, const Reconstruction& found, Attempt& attempt) {
+  if (found.poses.size() < 2) return;
   const PosePath path = path_of(found.poses, capture);
   std::vector<const LatentImage*> middles;
   for (const LatentImage& image : images) {
@@ -196,6 +196,7 @@ double explained_blur_of(const fs::path& latents, const std::vector<LatentImage>
     if (shot.duration_us() > 0 && image.t_us == shot.t_mid_us()) middles.push_back(&image);
   }
   std::vector<PosedExposure> exposures;
+  std::vector<double> measured;
   for (const size_t i : spread(middles.size())) {
     const LatentImage& image = *middles[i];
     const Shot& shot = capture.shots[static_cast<size_t>(image.shot)];
@@ -214,12 +215,15 @@ double explained_blur_of(const fs::path& latents, const std::vector<LatentImage>
       if (seen) e.points.push_back(point_at(found.points, static_cast<int64_t>(k)));
     }
     exposures.push_back(std::move(e));
+    if (shot.blur_px >= 0) measured.push_back(shot.blur_px);
   }
-  return exposures.empty() ? 1 : explained_blur(exposures);
+  attempt.explained_blur = exposures.empty() ? 1 : explained_blur(exposures);
+  attempt.blur_px = std::max(posed_blur_px(exposures), median_of(std::move(measured)));
 }
 
 bool explains_blur(const Attempt& a) {
-  return a.explained_blur >= kLeastExplained && a.parallax_deg >= kLeastParallax_deg;
+  return (!a.has_blur() || a.explained_blur >= kLeastExplained) &&
+         a.parallax_deg >= kLeastParallax_deg;
 }
 
 /// Whether `a` is the better one of two models of the same matches.
@@ -236,12 +240,12 @@ bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
   if (a.registered != b.registered) return a.registered > b.registered;
   // More observations of weaker corners do not give better poses: on the simulated desk 28,000
   // explained 91 % of the blur and were 0.47 px off, 43,000 explained 87 % and were 0.57 px off.
-  return a.explained_blur > b.explained_blur + margin;
+  return (a.has_blur() || b.has_blur()) && a.explained_blur > b.explained_blur + margin;
 }
 
 bool is_good(const Attempt& a) {
   return double(a.registered) >= kNearlyAll * double(a.images) && explains_blur(a) &&
-         a.explained_blur >= kWellExplained;
+         (!a.has_blur() || a.explained_blur >= kWellExplained);
 }
 
 /// Whether no further attempt follows the first `made`, of which `a` is the best.
@@ -265,9 +269,8 @@ std::string focal_text(const geometry::Intrinsics& camera) {
 
 std::string sentence(const Attempt& a) {
   if (!a.problem.empty()) return concat(a.name, ": ", a.problem);
-  return concat(a.name, ": ", a.registered, " of ", a.images, " images, ",
-                std::lround(100 * std::max(0.0, a.explained_blur)),
-                " % of the blur explained, parallax ", readable(a.parallax_deg, 2), " degrees");
+  return concat(a.name, ": ", a.registered, " of ", a.images, " images, ", said_of_blur(a),
+                ", parallax ", readable(a.parallax_deg, 2), " degrees");
 }
 
 [[noreturn]] void fail(const std::vector<Attempt>& tried, const FrameMotion& motion) {
@@ -344,6 +347,7 @@ Json json_of(const Attempt& a) {
           {"reprojection_error_px", a.error_px},
           {"parallax_deg", a.parallax_deg},
           {"explained_blur", a.explained_blur},
+          {"blur_px", a.blur_px},
           {"problem", a.problem}};
 }
 
@@ -422,6 +426,12 @@ Reconstruction read_reconstruction(const fs::path& model, const std::vector<Late
   return r;
 }
 
+std::string said_of_blur(const Attempt& a) {
+  if (!a.has_blur())
+    return concat("blur of ", readable(a.blur_px, 1), " px, too little to check the poses by it");
+  return concat(std::lround(100 * std::max(0.0, a.explained_blur)), " % of the blur explained");
+}
+
 SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>& images,
                         const Capture& capture, const ImportOptions& options,
                         const fs::path& work) {
@@ -451,14 +461,14 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       match_features(job, settings, folder);
       matched = flags;
     }
-    Attempt best{settings.name, job.count, 0, 0, 0, 0, 0, 0, "no pair of images to begin with"};
+    Attempt best{settings.name, job.count, 0, 0, 0, 0, 0, 0, 0, "no pair of images to begin with"};
     Reconstruction found;
     fs::path best_model;
     const auto compare = [&](const std::vector<fs::path>& models) {
       for (const fs::path& model : models) {
         Reconstruction r = read_reconstruction(model, images, double(options.latents.upscale));
         Attempt attempt = attempt_of(settings.name, images.size(), r);
-        attempt.explained_blur = explained_blur_of(latents, images, capture, r);
+        check_blur(latents, images, capture, r, attempt);
         if (!fits_better(attempt, best)) continue;
         best = attempt, best_model = model;
         found = std::move(r);
@@ -476,7 +486,7 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
     if (!reversed.empty()) {
       Reconstruction r = read_reconstruction(reversed, images, double(options.latents.upscale));
       Attempt attempt = attempt_of(settings.name, images.size(), r);
-      attempt.explained_blur = explained_blur_of(latents, images, capture, r);
+      check_blur(latents, images, capture, r, attempt);
       log_info(concat("  with near and far exchanged: error ", readable(attempt.error_px, 2),
                       " px, before ", readable(best.error_px, 2), " px"));
       if (explains_blur(attempt) && attempt.registered >= best.registered) {
@@ -485,9 +495,9 @@ SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>&
       }
     }
     const bool held = settings.hold_focal_length && !job.camera;
-    const bool settles = doubted && held && explains_blur(best) &&
-                         best.registered >= chosen.registered &&
-                         best.explained_blur >= chosen.explained_blur - kHeldMargin;
+    const bool settles =
+        doubted && held && explains_blur(best) && best.registered >= chosen.registered &&
+        (!best.has_blur() || best.explained_blur >= chosen.explained_blur - kHeldMargin);
     if (best.registered > 0 &&
         (result.best.poses.empty() || settles || is_better(best, chosen, kClearlyBetter))) {
       const std::string why = settles ? concat("found ", focal_text(result.best.camera))

@@ -44,8 +44,15 @@ struct Attempt {
   double error_px = 0;        ///< mean reprojection error, px of the shots
   double parallax_deg = 0;    ///< median angle between the outermost rays to a point
   double explained_blur = 0;  ///< share of the blur of the frames that its poses explain
-  std::string problem;        ///< why it failed; empty if it produced a model
+  double blur_px = 0;   ///< length of that blur: the larger one of its poses and of the events
+  std::string problem;  ///< why it failed; empty if it produced a model
+
+  /// Whether the frames have enough blur to check the poses by it. Of less, noise hides the share.
+  bool has_blur() const { return blur_px >= 2; }
 };
+
+/// "80 % of the blur explained", or that there is too little blur.
+std::string said_of_blur(const Attempt& attempt);
 
 struct SearchResult {
   Reconstruction best;
@@ -56,12 +63,13 @@ struct SearchResult {
 
 /// Finds the poses of the images in LATENTS/images: makes several attempts and prefers one that
 /// explains the blur of the frames, then the one with the most images, then the one that explains
-/// most of the blur. All files of COLMAP stay in `work`. Shows progress.
+/// most of the blur. Frames with hardly any blur
+/// are no evidence against poses. All files of COLMAP stay in `work`. Shows progress.
 /// @param capture  its camera is held constant; without one, the focal length is estimated Frames
 ///   that seem static only cause a warning: patterns fixed to a sensor can hide motion.
 /// @throws DataError if no attempt registers two thirds of the images, has parallax and explains
-///   the blur, with the result of each, whether the frames moved, and how to record better;
-///   Interrupted.
+///   the blur if there is any, with the result of each, whether the frames moved, and how to record
+///   better; Interrupted.
 SearchResult find_poses(const std::filesystem::path& latents,
                         const std::vector<LatentImage>& images, const Capture& capture,
                         const ImportOptions& options, const std::filesystem::path& work);
