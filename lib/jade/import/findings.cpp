@@ -102,8 +102,21 @@ std::vector<double> gains_of(const Capture& capture) {
   return estimate_frame_gains(exposures, capture.events);
 }
 
-std::string said_of_gains(const std::vector<double>& gains) {
+/// Names single frames of another brightness; describes the gains of a camera that adjusts itself.
+std::string said_of_gains(const std::vector<double>& gains, const Capture& capture) {
   if (gains.empty()) return "";
+  size_t odd = 0;
+  std::string names;
+  for (size_t i = 0; i < gains.size(); ++i) {
+    if (gains[i] == 1) continue;
+    names += concat(odd++ == 0 ? "" : ", ", capture.shots[i].name, " ", rounded(gains[i], 0.01));
+  }
+  if (2 * odd < gains.size()) {
+    log_warn(concat(capture.source, ": expected frames of steady brightness, found ", odd, " of ",
+                    gains.size(), " unlike the frames beside them (times as bright: ", names,
+                    "); if they are damaged, remove them"));
+    return "";
+  }
   const auto [lowest, highest] = std::minmax_element(gains.begin(), gains.end());
   return concat("gain from ", rounded(*lowest, 0.01), " to ", rounded(*highest, 0.01),
                 " as the camera adjusts itself, ");
@@ -260,7 +273,7 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
     finding.said += concat("events through a ", word_of(finding.filter), " filter, ");
   }
   finding.gains = gains_of(cleaned);
-  finding.said += said_of_gains(finding.gains);
+  finding.said += said_of_gains(finding.gains, cleaned);
   finding.thresholds = events.thresholds();
   if (!events.threshold_positive.is_auto() || !options.find_thresholds) {
     finding.said += said_of(finding.thresholds, "given");

@@ -6,6 +6,7 @@
 #include <torch/types.h>
 
 #include "jade/data/event_consistency.h"
+#include "jade/import/median.h"
 
 namespace jade::import {
 namespace {
@@ -17,24 +18,37 @@ constexpr int64_t kLongestGap_us = 500000;
 constexpr int64_t kMostCurves = 1500000, kFewestPixels = 500, kMostPixels = 3000;
 constexpr double kLeastRange = 0.05;  // in log units
 constexpr double kClearErrors = 6;    // least range in standard errors of a step
+constexpr double kAlike = 0.25;       // of the step to a single odd frame, between its neighbours
+constexpr size_t kMostSlopes = 600;   // frames whose slopes are compared with one another
 
-/// Subtracts the best-fitting line.
+/// Subtracts the line of the median slope (H. Theil, P. K. Sen), which single values do not move.
 void remove_trend(const std::vector<double>& at, std::vector<double>& values) {
-  const auto count = double(values.size());
-  double st = 0, sv = 0, stt = 0, stv = 0;
-  for (size_t i = 0; i < values.size(); ++i) {
-    st += at[i], sv += values[i], stt += at[i] * at[i], stv += at[i] * values[i];
+  std::vector<double> slopes;
+  const size_t step = 1 + values.size() / kMostSlopes;
+  for (size_t i = 0; i < values.size(); i += step) {
+    for (size_t k = i + step; k < values.size(); k += step) {
+      if (at[k] > at[i]) slopes.push_back((values[k] - values[i]) / (at[k] - at[i]));
+    }
   }
-  const double spread = count * stt - st * st;
-  const double slope = spread > 0 ? (count * stv - st * sv) / spread : 0;
-  const double start = (sv - slope * st) / count;
-  for (size_t i = 0; i < values.size(); ++i) values[i] -= start + slope * at[i];
+  const double slope = slopes.empty() ? 0 : median_of(std::move(slopes));
+  for (size_t i = 0; i < values.size(); ++i) values[i] -= slope * at[i];
+  const double start = median_of(values);
+  for (double& value : values) value -= start;
 }
 
-}  // namespace
+/// Logarithms of the frames' brightness, without their trend.
+struct Levels {
+  std::vector<double> logs;  ///< none if they cannot be measured
+  double bar = 0;            ///< smaller differences are noise
 
-std::vector<double> estimate_frame_gains(const std::vector<data::Exposure>& exposures,
-                                         const events::EventStream& events) {
+  bool vary() const {
+    if (logs.empty()) return false;
+    const auto [lowest, highest] = std::minmax_element(logs.begin(), logs.end());
+    return *highest - *lowest >= bar;
+  }
+};
+
+Levels levels_of(const std::vector<data::Exposure>& exposures, const events::EventStream& events) {
   if (exposures.size() < kFewestShots || events.empty()) return {};
   std::vector<torch::Tensor> frames;
   std::vector<events::TimeWindow> windows;
@@ -53,21 +67,59 @@ std::vector<double> estimate_frame_gains(const std::vector<data::Exposure>& expo
       frames, neighbours, events, {windows.front().begin_us, windows.back().end_us + 1}, options);
   const data::ConsistencyFit fit = consistency.fit(windows);
   if (!fit.solved) return {};
-  std::vector<double> at, logs{0}, errors;
+  Levels levels{{0}, 0};
+  std::vector<double> at, errors;
   for (size_t i = 0; i < fit.steps.size(); ++i) {
-    logs.push_back(logs.back() + fit.steps[i]);
+    levels.logs.push_back(levels.logs.back() + fit.steps[i]);
     if (std::isfinite(fit.step_errors[i])) errors.push_back(fit.step_errors[i]);
   }
   if (errors.empty()) return {};
   for (const data::Exposure& exposure : exposures) at.push_back(double(exposure.t_mid_us()));
   for (size_t i = at.size(); i-- > 0;) at[i] -= at.front();
-  remove_trend(at, logs);
-  std::sort(errors.begin(), errors.end());
-  const double error = errors[errors.size() / 2] * std::sqrt(double(errors.size()) / 6);
-  const auto [lowest, highest] = std::minmax_element(logs.begin(), logs.end());
-  if (*highest - *lowest < std::max(kLeastRange, kClearErrors * error)) return {};
+  remove_trend(at, levels.logs);
+  const double error = median_of(errors) * std::sqrt(double(errors.size()) / 6);
+  levels.bar = std::max(kLeastRange, kClearErrors * error);
+  return levels;
+}
+
+/// By how much each single frame differs from both frames beside it, which are alike; 0 for others.
+std::vector<double> odd_logs(const Levels& levels) {
+  const std::vector<double>& logs = levels.logs;
+  const size_t count = logs.size();
+  std::vector<double> odd(count, 0.0);
+  for (size_t i = 0; i < count; ++i) {
+    const double a = logs[i == 0 ? 2 : i - 1], b = logs[i + 1 == count ? count - 3 : i + 1];
+    const double off = logs[i] - 0.5 * (a + b);
+    if (std::abs(off) >= levels.bar && std::abs(a - b) <= kAlike * std::abs(off)) odd[i] = off;
+  }
+  return odd;
+}
+
+}  // namespace
+
+std::vector<double> estimate_frame_gains(const std::vector<data::Exposure>& exposures,
+                                         const events::EventStream& events) {
+  Levels levels = levels_of(exposures, events);
+  if (!levels.vary()) return {};
+  const std::vector<double> odd = odd_logs(levels);
+  std::vector<data::Exposure> others;
+  for (size_t i = 0; i < odd.size(); ++i) {
+    if (odd[i] == 0) others.push_back(exposures[i]);
+  }
+  if (others.size() < odd.size() && 2 * others.size() > odd.size()) {
+    // The steps to and from an odd frame are uncertain and would shift all frames behind it.
+    const Levels rest = levels_of(others, events);
+    if (rest.logs.size() == others.size()) {
+      const bool vary = rest.vary();
+      for (size_t i = 0, next = 0; i < odd.size(); ++i) {
+        const double before = next == 0 || !vary ? 0 : rest.logs[next - 1];
+        levels.logs[i] = odd[i] != 0 ? before + odd[i] : vary ? rest.logs[next] : 0;
+        if (odd[i] == 0) ++next;
+      }
+    }
+  }
   std::vector<double> gains;
-  for (const double log : logs) gains.push_back(std::exp(log));
+  for (const double log : levels.logs) gains.push_back(std::exp(log));
   return gains;
 }
 

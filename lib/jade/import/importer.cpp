@@ -15,8 +15,10 @@
 #include "jade/core/readable.h"
 #include "jade/data/masks.h"
 #include "jade/data/named_files.h"
+#include "jade/events/stream_faults.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/unread_images.h"
+#include "jade/import/bad_frames.h"
 #include "jade/import/capture.h"
 #include "jade/import/colmap.h"
 #include "jade/import/exposure_length.h"
@@ -285,6 +287,36 @@ void add_masks(const recording::Recording& recording, Capture& capture) {
   }
 }
 
+/// Leaves out frames without a whole picture, which would mislead every estimate.
+void drop_bad_frames(recording::Recording& recording) {
+  std::vector<torch::Tensor> images;
+  for (const recording::Frame& frame : recording.frames) images.push_back(frame.image);
+  const std::vector<size_t> bad = bad_frames(images);
+  if (bad.empty()) return;
+  constexpr size_t kNamed = 8;
+  std::string names;
+  for (size_t i = 0; i < std::min(bad.size(), kNamed); ++i)
+    names += (i == 0 ? "" : ", ") + recording.frames[bad[i]].name;
+  log_warn(concat(recording.source.string(), ": expected frames with a whole picture, found ",
+                  bad.size(), " of ", images.size(), " blank or half written (", names,
+                  bad.size() > kNamed ? ", ..." : "",
+                  "); they are left out, export them again if they should count"));
+  for (size_t k = bad.size(); k-- > 0;)
+    recording.frames.erase(recording.frames.begin() + std::ptrdiff_t(bad[k]));
+}
+
+/// Events that were written twice would double all changes.
+events::EventStream distinct_events(const recording::Recording& recording) {
+  events::DistinctEvents distinct = events::without_copies(recording.events);
+  if (distinct.copies > 0) {
+    log_warn(concat(recording.source.string(), ": expected each event once, found ",
+                    grouped(distinct.copies), " of ", grouped(recording.events.size()),
+                    " that repeat the time, place and polarity of another; these are left out, "
+                    "check how the file was written or joined"));
+  }
+  return distinct.events;
+}
+
 Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   recording::Recording recording =
       recording::read_recording(options.recording, read_options(options));
@@ -292,6 +324,7 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   for (const std::string& note : recording.notes) log_info("            " + note);
   for (const std::string& warning : recording.warnings) log_warn(warning);
   check_recording(recording, options.time);
+  drop_bad_frames(recording);
   keep_calibration(folder, recording);
   Capture capture;
   capture.source = recording.source.string();

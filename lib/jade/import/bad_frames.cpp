@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/import/bad_frames.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <tuple>
+
+#include "jade/imaging/color.h"
+
+namespace jade::import {
+namespace {
+
+constexpr double kFlatRow = 4.0 / 255;  // largest range within a row of one level
+constexpr double kFlatFrame = 8.0 / 255;
+constexpr double kSaturated = 0.97;
+constexpr double kPicture = 0.1;  // least range in a row beside the cut
+constexpr int64_t kRowShare = 20, kFewestRows = 3;
+
+struct Rows {
+  torch::Tensor low, high;  ///< [H] float32
+  int64_t count() const { return low.size(0); }
+  bool is_flat(int64_t row, float level) const {
+    const float least = low[row].item<float>(), most = high[row].item<float>();
+    return most - least <= kFlatRow && std::abs(least - level) <= kFlatRow && most < kSaturated;
+  }
+};
+
+Rows rows_of(const torch::Tensor& image) {
+  const torch::Tensor gray = imaging::gray(image)[0];
+  return {std::get<0>(gray.min(1)), std::get<0>(gray.max(1))};
+}
+
+/// Rows of one level from the first on (step 1) or from the last back (−1).
+int64_t flat_rows(const Rows& rows, int64_t first, int64_t step) {
+  const float level = rows.low[first].item<float>();
+  int64_t count = 0;
+  while (count < rows.count() && rows.is_flat(first + step * count, level)) ++count;
+  return count;
+}
+
+/// Length of a flat part with a sharp edge to the picture; all rows for a frame of one level.
+int64_t missing_rows(const Rows& rows) {
+  if ((rows.high.max() - rows.low.min()).item<double>() <= kFlatFrame) return rows.count();
+  int64_t most = 0;
+  for (const int64_t step : {1, -1}) {
+    const int64_t first = step > 0 ? 0 : rows.count() - 1;
+    const int64_t flat = flat_rows(rows, first, step);
+    if (flat == 0 || flat == rows.count()) continue;
+    // The first row behind the cut may be half written.
+    double range = 0;
+    for (int64_t k = flat; k < std::min(flat + 2, rows.count()); ++k) {
+      const int64_t row = first + step * k;
+      range = std::max(range, (rows.high[row] - rows.low[row]).item<double>());
+    }
+    if (range >= kPicture) most = std::max(most, flat);
+  }
+  return most;
+}
+
+}  // namespace
+
+std::vector<size_t> bad_frames(const std::vector<torch::Tensor>& images) {
+  if (images.empty()) return {};
+  std::vector<int64_t> missing;
+  for (const torch::Tensor& image : images) missing.push_back(missing_rows(rows_of(image)));
+  std::vector<int64_t> ordered = missing;
+  std::sort(ordered.begin(), ordered.end());
+  const int64_t usual = ordered[(ordered.size() - 1) / 2];
+  const int64_t least = std::max(kFewestRows, images.front().size(1) / kRowShare);
+  std::vector<size_t> bad;
+  for (size_t i = 0; i < missing.size(); ++i) {
+    if (missing[i] >= usual + least) bad.push_back(i);
+  }
+  return bad;
+}
+
+}  // namespace jade::import
