@@ -58,6 +58,18 @@ TEST_CASE("exposure length: found with the stamp, whatever it marks", "[import]"
   }
 }
 
+TEST_CASE("exposure length: the error covers the truth, also of short exposures", "[import]") {
+  for (const int64_t exposure_us : {5000, 10000, 48000}) {
+    const test::PatternRecording recording = recorded(exposure_us);
+    const import::ExposureLength found = import::estimate_exposure_length(
+        stamped(recording, recording::Stamp::kStart), recording.events, std::nullopt);
+    CAPTURE(exposure_us, found.length_us, found.error_us, found.doubt);
+    CHECK_FALSE(found.ambiguous());
+    CHECK(std::abs(double(found.length_us - exposure_us)) < 3 * found.error_us);
+    CHECK(found.error_us >= 500);
+  }
+}
+
 TEST_CASE("exposure length: in doubt where frames and events tell nothing of it", "[import]") {
   const test::PatternRecording recording = recorded(30000);
   auto frames = stamped(recording, recording::Stamp::kMiddle);

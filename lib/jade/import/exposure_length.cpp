@@ -18,6 +18,10 @@ constexpr double kShortest = 0.05;  // of the frame period
 /// Initial lengths, as shares of the frame period.
 constexpr double kLengths[] = {kShortest, 0.1, 0.18, 0.28, 0.4, 0.55, 0.7, 0.85, 1};
 constexpr double kFineStep = 1.12;  // ratio of refined lengths around the best of these
+constexpr int kMostSteps = 8;       // of refined lengths to either side
+/// Standard deviation besides that of the jackknife: events come some tenths of a millisecond after
+/// the light, which the length makes up for (docs/engineering/import.md).
+constexpr double kLateness_us = 500, kShapeShare = 0.02;
 constexpr double kMostUnexplained = 0.7;
 constexpr double kMostError = 0.25;  // relative to the length
 
@@ -112,34 +116,47 @@ double lowest(const double (&lengths)[3], const double (&losses)[3]) {
   return std::exp(std::clamp(0.5 * (a + b) - left / (2 * bend), a, c));
 }
 
-/// Sets the length at the minimum of the curve around `best`, and its standard error by the
-/// jackknife over parts of the image.
-void settle(const std::map<double, LengthSearch::Tried>& tried, double best,
+/// Sets the length at the minimum of the refined curve, and its standard error by the jackknife
+/// over parts of the image. A minimum at the upper end has an error of a step, one at the lower end
+/// of the whole length.
+void settle(LengthSearch& search, double start, Stamp stamp, double longest,
             ExposureLength& result) {
-  const auto at = tried.find(best);
-  const auto solved = [](const auto& place) { return place->second.fit.solved; };
-  if (at == tried.begin() || std::next(at) == tried.end() || !solved(std::prev(at)) ||
-      !solved(std::next(at))) {
-    result.length_us = std::llround(best);
+  int best = 0;
+  const auto length_at = [&](int step) { return start * std::pow(kFineStep, step); };
+  const auto loss_at = [&](int step) {
+    const double length = length_at(step);
+    const bool inside = length <= kFineStep * longest && std::abs(step) <= kMostSteps;
+    if (!inside) return double(INFINITY);
+    const data::ConsistencyFit& fit = search.at(length, {stamp}).fit;
+    return fit.solved ? fit.loss : double(INFINITY);
+  };
+  for (;;) {
+    const int next = loss_at(best - 1) < loss_at(best + 1) ? best - 1 : best + 1;
+    if (!(loss_at(next) < loss_at(best))) break;
+    best = next;
+  }
+  const double lengths[3] = {length_at(best - 1), length_at(best), length_at(best + 1)};
+  const double all[3] = {loss_at(best - 1), loss_at(best), loss_at(best + 1)};
+  if (!std::isfinite(all[0] + all[1] + all[2])) {
+    result.length_us = std::llround(std::min(lengths[1], longest));
+    result.error_us = best < 0 ? lengths[1] : (kFineStep - 1) * lengths[1];
     return;
   }
-  const auto before = std::prev(at), after = std::next(at);
-  const double lengths[3] = {before->first, best, after->first};
-  const data::ConsistencyFit* const fits[3] = {&before->second.fit, &at->second.fit,
-                                               &after->second.fit};
-  const double all[3] = {fits[0]->loss, fits[1]->loss, fits[2]->loss};
   const double length = lowest(lengths, all);
-  result.length_us = std::llround(length);
+  const auto part_losses = [&](int k) -> const std::vector<double>& {
+    return search.at(lengths[k], {stamp}).fit.part_losses;
+  };
+  const size_t count = part_losses(1).size();
+  const auto groups = double(count);
   double squares = 0;
-  const auto groups = double(fits[1]->part_losses.size());
-  for (size_t g = 0; g < fits[1]->part_losses.size(); ++g) {
+  for (size_t g = 0; g < count; ++g) {
     double rest[3];
-    for (int k = 0; k < 3; ++k) {
-      rest[k] = (groups * fits[k]->loss - fits[k]->part_losses[g]) / (groups - 1);
-    }
+    for (int k = 0; k < 3; ++k) rest[k] = (groups * all[k] - part_losses(k)[g]) / (groups - 1);
     squares += std::pow(lowest(lengths, rest) - length, 2);
   }
-  result.error_us = std::sqrt((groups - 1) / groups * squares);
+  result.length_us = std::llround(std::min(length, longest));
+  result.error_us =
+      std::hypot(std::sqrt((groups - 1) / groups * squares), kLateness_us + kShapeShare * length);
 }
 
 std::string doubt_of(const ExposureLength& result, const LengthSearch& search, double best) {
@@ -182,30 +199,15 @@ ExposureLength estimate_exposure_length(const std::vector<StampedFrame>& frames,
             : std::vector<Stamp>{Stamp::kStart, Stamp::kMiddle, Stamp::kEnd};
   LengthSearch search(some, period_us, events, stamps);
   for (const double share : kLengths) search.at(share * double(period_us), stamps);
-  double best = search.best_length();
-  // Refine until the best length has two near neighbours.
-  for (int round = 0; best > 0 && round < 6; ++round) {
-    const std::vector<Stamp> same{search.tried().at(best).stamp};
-    for (const double length : {best / kFineStep, best * kFineStep}) {
-      const auto above = search.tried().lower_bound(length / std::sqrt(kFineStep));
-      const bool known =
-          above != search.tried().end() && above->first < length * std::sqrt(kFineStep);
-      if (!known && length >= kShortest * double(period_us) && length < double(period_us)) {
-        search.at(length, same);
-      }
-    }
-    const double next = search.best_length();
-    if (next == best) break;
-    best = next;
+  const double best = search.best_length();
+  if (best > 0) {
+    result.stamp = search.tried().at(best).stamp;
+    settle(search, best, result.stamp, double(period_us), result);
   }
   for (const auto& [length, tried] : search.tried()) {
     if (!tried.fit.solved) continue;
     result.lengths_us.push_back(length);
     result.losses.push_back(tried.fit.loss);
-  }
-  if (best > 0) {
-    result.stamp = search.tried().at(best).stamp;
-    settle(search.tried(), best, result);
   }
   result.doubt = doubt_of(result, search, best);
   return result;

@@ -223,6 +223,19 @@ ExposureFinding find_exposures(const Capture& capture, std::optional<recording::
       found.error_us > 0 ? concat(" +- ", rounded(found.error_us / 1000, 0.1)) : std::string();
   finding.said = concat("exposures of ", rounded(double(found.length_us) / 1000, 0.1), error,
                         " ms found, stamped at their ", word_of(found.stamp));
+  std::vector<double> blur;
+  for (const StampedFrame& frame : frames) {
+    const auto exposure = recording::exposure_at(frame.t_us, found.length_us, found.stamp);
+    blur.push_back(blur_px(events, exposure, capture.sensor));
+  }
+  const double usual = median_of(std::move(blur));
+  if (usual < kSlow_px) {
+    log_warn(concat(capture.source,
+                    ": expected some px of blur to measure the length of exposures by, found ",
+                    rounded(usual, 0.1), "; ", rounded(double(found.length_us) / 1000, 0.1), error,
+                    " ms is doubtful, give --exposure-ms if the length is known"));
+    finding.said += ", doubtful for want of blur";
+  }
   return finding;
 }
 
