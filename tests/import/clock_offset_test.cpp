@@ -54,6 +54,19 @@ TEST_CASE("clock offset: known offsets are found to two milliseconds", "[import]
   }
 }
 
+TEST_CASE("clock offset: the error covers the truth where pixels rarely fire", "[import]") {
+  for (const double threshold : {0.15, 0.4, 0.7}) {
+    simulate::EventSensorOptions sensor = noisy_sensor();
+    sensor.threshold_positive = sensor.threshold_negative = threshold;
+    sensor.latency_us = 400;
+    const auto recording = test::record_pattern(by_hand(), sensor);
+    const auto found = import::estimate_clock_offset(recording.exposures, recording.events);
+    CAPTURE(threshold, found.offset_us, found.error_us, found.scatter_us, found.doubt);
+    CHECK((found.ambiguous() || std::abs(found.offset_us) < 3 * found.error_us));
+    CHECK(found.error_us > found.scatter_us);
+  }
+}
+
 TEST_CASE("clock offset: exposures that overlap a little are neighbours", "[import]") {
   auto motion = by_hand();
   motion.gap_us = 500;

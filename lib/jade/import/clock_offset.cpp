@@ -21,6 +21,9 @@ constexpr int64_t kGroups = 4;  // groups of patches per pair, for the jackknife
 constexpr double kLeastCorrelation = 0.2;
 constexpr double kRivalShare = 0.9;
 constexpr double kLargestError_us = 3000;
+/// Standard deviations that all parts of the frames share: of the pixels' latency, and of the lags'
+/// correction, as a share of them (docs/engineering/import.md).
+constexpr double kLatency_us = 300, kLagShare = 0.1;
 
 /// Mean of the frame over patches of n x n pixels.
 torch::Tensor patches(const torch::Tensor& frame, int64_t n) {
@@ -37,14 +40,14 @@ torch::Tensor patches(const torch::Tensor& frame, int64_t n) {
 /// threshold, so during a change its events lag by half the time since the previous one; after a
 /// change of sign most of that time passed before the change began. Uncorrected, events would lag
 /// by 3 to 12 ms.
-class ChangeTimes {
+class ChangeLags {
  public:
-  explicit ChangeTimes(const events::ImageSize& size)
+  explicit ChangeLags(const events::ImageSize& size)
       : size_(size),
         last_us_(size_t(size.height * size.width), kNever),
         polarity_(last_us_.size(), 0) {}
 
-  /// Call in order of time. NaN for events outside the sensor.
+  /// The lag of an event, µs. Call in order of time. NaN for events outside the sensor.
   double operator()(float x, float y, int64_t t_us, int8_t polarity) {
     const float column = std::floor(x + 0.5f), row = std::floor(y + 0.5f);
     if (!(column >= 0 && column < float(size_.width) && row >= 0 && row < float(size_.height))) {
@@ -54,7 +57,7 @@ class ChangeTimes {
     const double waited = std::min(double(t_us) - last_us_[pixel], kLongestWait_us);
     const double lag = polarity == polarity_[pixel] ? 0.5 : 0.125;
     last_us_[pixel] = double(t_us), polarity_[pixel] = polarity;
-    return double(t_us) - lag * waited;
+    return lag * waited;
   }
 
  private:
@@ -70,23 +73,29 @@ struct Bins {
   double width_us = 0;
 };
 
-/// Signed events of each span of time and patch of n x n pixels, [bins, patches] float32.
-torch::Tensor binned(const events::EventStream& events, const Bins& bins, int64_t n,
-                     const events::ImageSize& size) {
+/// Signed events of each span of time and patch of n x n pixels.
+struct Binned {
+  torch::Tensor sums;             ///< [bins, patches] float32
+  double lags_us = 0, count = 0;  ///< sum of the events' lags, and their number
+};
+
+Binned binned(const events::EventStream& events, const Bins& bins, int64_t n,
+              const events::ImageSize& size) {
   const int64_t rows = size.height / n, columns = size.width / n;
-  torch::Tensor out = torch::zeros({bins.count, rows * columns}, torch::kFloat32);
-  float* const sums = out.data_ptr<float>();
+  Binned out{torch::zeros({bins.count, rows * columns}, torch::kFloat32)};
+  float* const sums = out.sums.data_ptr<float>();
   const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
   const int64_t* t = events.t_us().const_data_ptr<int64_t>();
   const int8_t* p = events.polarity().const_data_ptr<int8_t>();
-  ChangeTimes change(size);
+  ChangeLags lag_of(size);
   for (int64_t i = 0; i < events.size(); ++i) {
-    const double time = change(x[i], y[i], t[i], p[i]);
-    const double bin = std::floor((time - double(bins.begin_us)) / bins.width_us);
+    const double lag_us = lag_of(x[i], y[i], t[i], p[i]);
+    const double bin = std::floor((double(t[i] - bins.begin_us) - lag_us) / bins.width_us);
     if (!(bin >= 0 && bin < double(bins.count))) continue;
     const int64_t column = int64_t(x[i] + 0.5f) / n, row = int64_t(y[i] + 0.5f) / n;
     if (column >= columns || row >= rows) continue;
     sums[int64_t(bin) * rows * columns + row * columns + column] += float(p[i]);
+    out.lags_us += lag_us, ++out.count;
   }
   return out;
 }
@@ -95,11 +104,12 @@ torch::Tensor binned(const events::EventStream& events, const Bins& bins, int64_
 /// from them.
 struct Moments {
   double frame = 0;                  ///< Σ d²
+  double lags_us = 0, count = 0;     ///< as in Binned
   std::vector<double> cross, event;  ///< Σ d e, Σ e²
 
   explicit Moments(size_t offsets = 0) : cross(offsets, 0), event(offsets, 0) {}
   void add(const Moments& other, double sign) {
-    frame += sign * other.frame;
+    frame += sign * other.frame, lags_us += sign * other.lags_us, count += sign * other.count;
     for (size_t i = 0; i < cross.size(); ++i) {
       cross[i] += sign * other.cross[i], event[i] += sign * other.event[i];
     }
@@ -145,8 +155,8 @@ std::vector<Moments> pair_moments(const data::Exposure& a, const data::Exposure&
       weight[int64_t(i)][k] = float(part_after(b, t) - part_after(a, t));
     }
   }
-  const torch::Tensor sums = binned(near, bins, n, size).index_select(1, index);
-  torch::Tensor e = weights.matmul(sums).to(torch::kFloat64);
+  const Binned found = binned(near, bins, n, size);
+  torch::Tensor e = weights.matmul(found.sums.index_select(1, index)).to(torch::kFloat64);
   torch::Tensor d =
       ((after + kLogFloor).log() - (before + kLogFloor).log()).flatten().index_select(0, index);
   // Remove a change common to all patches, caused by the light or the shutter.
@@ -160,6 +170,8 @@ std::vector<Moments> pair_moments(const data::Exposure& a, const data::Exposure&
     const torch::Tensor cross = ge.matmul(gd), event = ge.square().sum(1);
     Moments moments(offsets.size());
     moments.frame = gd.square().sum().item<double>();
+    moments.lags_us = found.lags_us / double(kGroups),
+    moments.count = found.count / double(kGroups);
     std::copy_n(cross.const_data_ptr<double>(), offsets.size(), moments.cross.begin());
     std::copy_n(event.const_data_ptr<double>(), offsets.size(), moments.event.begin());
     groups.push_back(std::move(moments));
@@ -250,7 +262,9 @@ ClockOffset offset_by(const std::vector<std::vector<Moments>>& pairs,
   }
   if (!groups.empty()) {
     const auto count = double(groups.size());
-    result.error_us = std::sqrt((count - 1) / count * squares);
+    result.scatter_us = std::sqrt((count - 1) / count * squares);
+    const double lag_us = total.count > 0 ? total.lags_us / total.count : 0;
+    result.error_us = std::hypot(result.scatter_us, kLatency_us, kLagShare * lag_us);
   }
   result.doubt = doubt_of(result, peak);
   return result;
@@ -280,7 +294,7 @@ constexpr size_t kFewestParts = 3;
 
 /// Offset of a part of the recording.
 struct PartOffset {
-  double t_us = 0, offset_us = 0, error_us = 0;
+  double t_us = 0, offset_us = 0, scatter_us = 0;
 };
 
 /// Estimates the offsets of parts; parts that overlap share their pairs of frames.
@@ -308,7 +322,7 @@ class Parts {
       if (found.ambiguous()) continue;
       const double t_us =
           0.5 * (double(exposures_[begin].t_start_us) + double(exposures_[end - 1].t_end_us));
-      out.push_back({t_us, found.offset_us, found.error_us});
+      out.push_back({t_us, found.offset_us, found.scatter_us});
     }
     return out;
   }
@@ -346,7 +360,7 @@ ClockDrift line_through(const std::vector<PartOffset>& parts) {
   drift.end_us = offset + drift.rate * (parts.back().t_us - t);
   for (const PartOffset& part : parts) {
     const double rest = part.offset_us - offset - drift.rate * (part.t_us - t);
-    squares += rest * rest + part.error_us * part.error_us / count;
+    squares += rest * rest + part.scatter_us * part.scatter_us / count;
   }
   const double rate_error = tt > 0 ? std::sqrt(squares / (count - 2) / tt) : 0;
   const double error_us = rate_error * (parts.back().t_us - parts.front().t_us);

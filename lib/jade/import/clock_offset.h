@@ -19,8 +19,10 @@ struct ClockOffsetOptions {
 /// Offset of the clock of the events relative to that of the frames.
 struct ClockOffset {
   double offset_us = 0;  ///< an image change at frame time t causes events at event time t + offset
-  /// Standard error, by jackknife over parts of the frames, µs.
+  /// Standard error, µs: that of `scatter_us`, of the pixels' latency, and of the correction of the
+  /// events' lags, which grows with the time from one event of a pixel to the next.
   double error_us = 0;
+  double scatter_us = 0;   ///< standard error by jackknife over parts of the frames
   double correlation = 0;  ///< of frame changes with event sums at the peak: 1 is perfect
   double second = 0;       ///< correlation at the second peak; 0 if there is none
   int64_t pairs = 0;       ///< number of compared pairs of frames
