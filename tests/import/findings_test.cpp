@@ -136,6 +136,14 @@ TEST_CASE("findings: shots between moving ones are sharp, those that noise hides
     CHECK((blur[i] >= 0 && blur[i] < 1) == (i == 1));
   }
   CHECK(*std::max_element(blur.begin(), blur.end()) > 4);
+  // A camera whose events were lost is not at rest.
+  import::Capture lost = capture;
+  const import::Shot& gone = lost.shots[4];
+  const torch::Tensor t = lost.events.t_us();
+  const torch::Tensor kept = t.lt(gone.t_start_us).logical_or(t.ge(gone.t_end_us - 3000));
+  lost.events = {lost.events.x().masked_select(kept), lost.events.y().masked_select(kept),
+                 t.masked_select(kept), lost.events.polarity().masked_select(kept)};
+  CHECK(import::find_blur(lost)[4] == -1);
   // A static recording with the same number of events.
   const int64_t count = capture.events.size();
   torch::manual_seed(1);

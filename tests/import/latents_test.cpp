@@ -54,3 +54,15 @@ TEST_CASE("latents: the mean is of both restorations at each moment where the re
   CHECK(torch::allclose(carried, 0.5 * (edi[1] + 0.4) * (edi / edi[1])));
   CHECK_FALSE(torch::allclose(carried, 0.5 * (edi + restored)));
 }
+
+TEST_CASE("latents: a blurry frame without events is one image, of its middle", "[import]") {
+  const test::TempDir dir;
+  import::Capture capture = brightening_capture();
+  capture.shots.push_back({"lost", capture.shots[0].image, 20000, 28000, -1});
+  import::ImportOptions options;
+  options.device = "cpu";
+  const auto images = import::write_latents(dir.path(), capture, options);
+  REQUIRE(images.size() == 4);
+  CHECK(images[3].shot == 1);
+  CHECK(images[3].t_us == 24000);
+}

@@ -248,6 +248,26 @@ void set_exposures(const ExposureFinding& finding, Capture& capture) {
   }
 }
 
+namespace {
+
+/// Whether at least half of an exposure has no events, although the usual rate would give dozens:
+/// the recording lost them. Even a static camera has some noise.
+bool lacks_events(const events::TimeWindow& exposure, const events::EventStream& events,
+                  double usual_rate) {
+  constexpr double kFewest = 20;
+  const double half_us = 0.5 * double(exposure.duration_us());
+  if (usual_rate * half_us < kFewest) return false;
+  const events::EventStream own = events.slice(exposure);
+  const int64_t* const t = own.t_us().const_data_ptr<int64_t>();
+  int64_t before_us = exposure.begin_us;
+  for (int64_t i = 0; i < own.size(); before_us = t[i++]) {
+    if (double(t[i] - before_us) >= half_us) return true;
+  }
+  return double(exposure.end_us - before_us) >= half_us;
+}
+
+}  // namespace
+
 std::vector<double> find_blur(const Capture& capture) {
   std::vector<double> blur;
   std::vector<int64_t> counts;
@@ -262,8 +282,17 @@ std::vector<double> find_blur(const Capture& capture) {
   std::vector<int64_t> ordered = counts;
   std::sort(ordered.begin(), ordered.end());
   const int64_t many = ordered.empty() ? 0 : ordered[3 * ordered.size() / 4] / 2;
+  std::vector<double> rates;
   for (size_t i = 0; i < blur.size(); ++i) {
-    if (counts[i] > many && blur[i] < kSlow_px) blur[i] = -1;
+    const int64_t length_us = capture.shots[i].duration_us();
+    if (length_us > 0) rates.push_back(double(counts[i]) / double(length_us));
+  }
+  const double usual_rate = median_of(std::move(rates));
+  for (size_t i = 0; i < blur.size(); ++i) {
+    const Shot& shot = capture.shots[i];
+    const bool hidden = counts[i] > many && blur[i] < kSlow_px;
+    if (hidden || lacks_events({shot.t_start_us, shot.t_end_us}, capture.events, usual_rate))
+      blur[i] = -1;
   }
   return blur;
 }

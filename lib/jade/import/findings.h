@@ -80,7 +80,8 @@ SensorFinding find_sensor(const SensorOptions& options, const events::EventOptio
                           const Capture& capture, const Align& align = {});
 
 /// blur_px() of each shot. A shot that seems static but has half as many events as the upper
-/// quarter of the shots counts as unknown: noise hides its motion.
+/// quarter of the shots counts as unknown: noise hides its motion. So does one without events in
+/// half of its exposure or more.
 std::vector<double> find_blur(const Capture& capture);
 
 /// Removes the events of hot pixels, and sets the filter, the blur and the gains.

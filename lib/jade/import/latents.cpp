@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <functional>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
@@ -89,14 +90,18 @@ std::vector<LatentImage> write_latents(const fs::path& folder, const Capture& ca
     imaging::write_image(folder / "images" / images.back().file,
                          enlarged(image, options.latents.upscale));
   };
-  const int64_t blurry =
-      std::count_if(capture.shots.begin(), capture.shots.end(),
-                    [&](const Shot& shot) { return !is_sharp(shot, options.test.sharp_px); });
+  // Without events, the frame itself is the best image of the middle.
+  const auto is_whole = [&](const Shot& shot) {
+    return is_sharp(shot, options.test.sharp_px) ||
+           capture.events.slice(shot.t_start_us, shot.t_end_us).empty();
+  };
+  const auto blurry =
+      std::count_if(capture.shots.begin(), capture.shots.end(), std::not_fn(is_whole));
   bool announced = false;
   for (size_t i = 0; i < capture.shots.size(); ++i) {
     throw_if_interrupted();
     const Shot& shot = capture.shots[i];
-    if (is_sharp(shot, options.test.sharp_px)) {
+    if (is_whole(shot)) {
       write(i, 1, shot.image, shot.t_mid_us());
     } else {
       const auto start = std::chrono::steady_clock::now();

@@ -31,8 +31,8 @@ struct LatentImage {
   int64_t t_us = 0;
 };
 
-/// Writes images/SHOT_K.png, enlarged by latents.upscale: three per blurry shot, one per sharp one;
-/// and images.json. Shows progress.
+/// Writes images/SHOT_K.png, enlarged by latents.upscale: three per blurry shot, one per sharp
+/// one or one without events; and images.json. Shows progress.
 std::vector<LatentImage> write_latents(const std::filesystem::path& folder, const Capture& capture,
                                        const ImportOptions& options);
 
