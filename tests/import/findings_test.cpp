@@ -82,7 +82,7 @@ TEST_CASE("findings: an offset in doubt must be given where frames and events ar
           "[import]") {
   import::Capture still = capture_ahead(0);
   for (import::Shot& shot : still.shots) shot.image = still.shots[0].image;
-  CHECK_THROWS_WITH(import::find_clock({}, still, true), Catch::Contains("--offset-ms"));
+  CHECK_THROWS_NAMING(DataError, import::find_clock({}, still, true), "--offset-ms", "-50 to 50");
   const import::ClockFinding one = import::find_clock({}, still, false);
   CHECK(one.offset_ms == 0);
   CHECK_THAT(one.said, test::naming("one clock"));

@@ -175,18 +175,23 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
   if (found.ambiguous() && !drift.empty()) {
     return {0, "assumed to be one clock, although the rates differ", found.curve};
   }
+  const double reach_ms = ClockOffsetOptions().reach_ms;
+  const std::string sought =
+      concat("; offsets from ", -reach_ms, " to ", reach_ms, " ms were searched");
   if (found.ambiguous() && frames_apart) {
     throw DataError(concat(capture.source,
                            ": the offset between the clocks of frames and events is not "
                            "certain: ",
-                           found.doubt,
-                           "; give it with --offset-ms, or --set "
-                           "time.find_offset=false for clocks that are one"));
+                           found.doubt, sought,
+                           ": give it with --offset-ms, or --set time.find_offset=false for clocks "
+                           "that are one"));
   }
   if (found.ambiguous()) {
-    log_warn(concat(
-        capture.source, ": frames and events do not determine the offset between their clocks (",
-        found.doubt, "); assumed to be one clock, give it with --offset-ms if they are two"));
+    log_warn(concat(capture.source,
+                    ": frames and events do not determine the offset between their clocks (",
+                    found.doubt, sought,
+                    "); assumed to be one clock, give it with --offset-ms if they are "
+                    "two"));
     return {0, "assumed to be one clock, as frames and events do not say", found.curve};
   }
   const double offset_ms = found.offset_us / 1000, error_ms = found.error_us / 1000;
