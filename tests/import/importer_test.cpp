@@ -160,12 +160,62 @@ TEST_CASE("importer: two cameras without a calibration are no one sensor", "[imp
   import::ImportOptions options = options_for(dir.write("a.raw", events), dir / "colmap");
   options.frames = dir / "frames";
   const auto import = [&] { import::import_recording(options, dir / "out", {"", "time"}); };
-  CHECK_THROWS_WITH(import(), Catch::Contains("events of 130x100 px and frames of 96x72 px are of "
-                                              "two cameras; give --calibration with both") &&
-                                  Catch::Contains("--plane-depth"));
+  CHECK_THROWS_NAMING(DataError, import(), "130x100", "96x72", "--calibration", "--plane-depth");
   // A calibration of one camera without a size fits both.
   options.lens.calibration = dir.write("one.txt", "110 110 47.5 35.5 0 0 0 0 0\n");
-  CHECK_THROWS_NAMING(DataError, import(), "two cameras");
+  CHECK_THROWS_NAMING(DataError, import(), "130x100", "96x72");
+}
+
+TEST_CASE("importer: cropped frames are named before their calibration", "[import]") {
+  const test::TempDir dir;
+  simulate::SimulateRun run = small_run();
+  run.simulate.exposures = 4, run.simulate.exposure_ms = 10;
+  simulate::write_recording(simulate::simulate(run), run, dir / "table");
+  for (const auto& file : fs::directory_iterator(dir / "table/images")) {
+    const torch::Tensor image = imaging::read_image(file.path());
+    imaging::write_image(file.path(), image.slice(1, 0, 60).slice(2, 0, 80).contiguous());
+  }
+  import::ImportOptions options = options_for(dir / "table", dir / "colmap");
+  options.lens.calibration =
+      dir.write("camera.yaml",
+                "image_width: 96\nimage_height: 72\ndistortion_model: plumb_bob\n"
+                "camera_matrix: {rows: 3, cols: 3, data: [110, 0, 48, 0, 110, 36, 0, 0, 1]}\n"
+                "distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n");
+  CHECK_THROWS_NAMING(DataError, import::import_recording(options, dir / "out", {"", "read"}),
+                      "80x60", "cropped");
+}
+
+TEST_CASE("importer: half-written frames and events written twice are left out", "[import]") {
+  const test::TempDir dir;
+  const simulate::SimulateRun run = small_run();
+  simulate::SimulateResult made = simulate::simulate(run);
+  made.content.train[2].blurry.slice(1, 40).fill_(0.5);
+  const events::EventStream& e = made.content.events;
+  const int64_t count = e.size();
+  const auto twice = [](const torch::Tensor& all) { return all.repeat_interleave(2); };
+  made.content.events = {twice(e.x()), twice(e.y()), twice(e.t_us()), twice(e.polarity())};
+  simulate::write_recording(made, run, dir / "table");
+  set_log_file(dir / "said.log");
+  import::import_recording(options_for(dir / "table", dir / "colmap"), dir / "out", {"", "read"});
+  set_log_file({});
+  const import::Capture capture = import::load_capture(dir / "out/import/read");
+  CHECK(capture.shots.size() == 4);
+  CHECK(double(capture.events.size()) == Approx(double(count)).epsilon(0.01));
+  CHECK_THAT(read_file(dir / "said.log"), test::naming("1 of 5", "repeat the time"));
+}
+
+TEST_CASE("importer: events whose coordinates count from 1 are refused", "[import]") {
+  const test::TempDir dir;
+  simulate::SimulateRun run = small_run();
+  run.simulate.exposures = 4;
+  simulate::SimulateResult made = simulate::simulate(run);
+  const events::EventStream& e = made.content.events;
+  made.content.events = {e.x() + 1, e.y() + 1, e.t_us(), e.polarity()};
+  simulate::write_recording(made, run, dir / "table");
+  CHECK_THROWS_NAMING(DataError,
+                      import::import_recording(options_for(dir / "table", dir / "colmap"),
+                                               dir / "out", {"", "read"}),
+                      "table", "1 to 96", "subtract 1");
 }
 
 TEST_CASE("importer: names of test frames are checked as soon as frames are there", "[import]") {

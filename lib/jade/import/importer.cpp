@@ -210,16 +210,27 @@ void check_given_exposure(const TimeOptions& options, const Capture& capture) {
                            "; leave it out to have the length found"));
 }
 
-/// Without a calibration of two cameras, events and frames must share one pixel grid.
+/// Without a calibration of two cameras, events and frames must share one pixel grid. If no file
+/// has the size of the event sensor, its events must lie on the frames.
 void check_one_sensor(const Capture& capture) {
-  const events::ImageSize& sensor = capture.sensor;
-  if (!capture.sensor_is_said) return;
+  constexpr double kManyBeside = 0.02;
+  const auto width = double(capture.width()), height = double(capture.height());
+  const torch::Tensor &x = capture.events.x(), &y = capture.events.y();
+  events::ImageSize sensor = capture.sensor;
+  if (!capture.sensor_is_said) {
+    const torch::Tensor beside = x.ge(width - 0.5).logical_or(y.ge(height - 0.5));
+    if (capture.events.empty() || beside.to(torch::kFloat32).mean().item<double>() < kManyBeside)
+      return;
+    sensor = reach_of(capture.events);
+  }
   if (sensor.width == capture.width() && sensor.height == capture.height()) return;
-  throw DataError(concat(capture.source, ": events of ", sensor.width, "x", sensor.height,
-                         " px and frames of ", capture.width(), "x", capture.height(),
-                         " px are of two cameras; give --calibration with both (Kalibr's cam0 for "
-                         "the frames, cam1 for the events) and --plane-depth METRES, or frames of "
-                         "the event sensor's pixels if they were cropped or resized"));
+  throw DataError(
+      concat(capture.source, ": expected events and frames of the same pixels, found events of ",
+             sensor.width, "x", sensor.height, " px and frames of ", capture.width(), "x",
+             capture.height(),
+             " px; if the frames were cropped or resized, give them as the sensor took them, if "
+             "they are of a second camera, give --calibration of both (Kalibr's cam0 for the "
+             "frames, cam1 for the events) and --plane-depth METRES"));
 }
 
 void check_clocks(const Capture& capture) {
@@ -335,7 +346,7 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   add_masks(recording, capture);
   std::stable_sort(capture.shots.begin(), capture.shots.end(),
                    [](const Shot& a, const Shot& b) { return a.t_start_us < b.t_start_us; });
-  capture.events = recording.events;
+  capture.events = distinct_events(recording);
   capture.sensor = {recording.height, recording.width};
   capture.sensor_is_said = recording.size_is_said;
   if (capture.sensor.height == 0) capture.sensor = {capture.height(), capture.width()};
@@ -413,8 +424,8 @@ Stage read_stage(const ImportOptions& options, Progressed& so_far) {
           [&](const fs::path& folder) {
             so_far.capture = load_capture(folder);
             so_far.calibration = calibration_of(options.lens, kept_calibration(folder));
-            if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
             if (!is_rig(so_far.calibration)) check_one_sensor(so_far.capture);
+            if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
             check_test_names(so_far.capture, options.test);
             so_far.capture.mask =
                 data::both_masks(so_far.capture.mask, read_mask(options.lens.mask, so_far.capture));

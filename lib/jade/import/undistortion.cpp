@@ -57,15 +57,6 @@ RectifyCameras cameras_of(const Calibration& calibration, const Capture& capture
   return cameras;
 }
 
-/// Smallest image size that holds all events.
-events::ImageSize reach_of(const events::EventStream& events) {
-  if (events.empty()) return {};
-  const auto reach = [](const torch::Tensor& places) {
-    return int64_t(std::floor(places.max().item<double>() + 0.5)) + 1;
-  };
-  return {reach(events.y()), reach(events.x())};
-}
-
 std::string parallax_said(const LensOptions& options, const Rectification& to) {
   const auto at = [](double depth, const char* unknown) {
     return depth > 0 ? concat("at ", depth) : unknown;
@@ -92,6 +83,14 @@ void check_loss(const events::WarpedEvents& moved, int64_t all, const LensOption
 }
 
 }  // namespace
+
+events::ImageSize reach_of(const events::EventStream& events) {
+  if (events.empty()) return {};
+  const auto reach = [](const torch::Tensor& places) {
+    return int64_t(std::floor(places.nan_to_num(0, 0, 0).max().item<double>() + 0.5)) + 1;
+  };
+  return {reach(events.y()), reach(events.x())};
+}
 
 std::optional<Calibration> calibration_of(const LensOptions& options,
                                           const std::filesystem::path& kept) {

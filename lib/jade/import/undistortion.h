@@ -21,6 +21,9 @@ std::optional<Calibration> calibration_of(const LensOptions& options,
 /// Whether frames and events come from two cameras, so that they match only after undistortion.
 bool is_rig(const std::optional<Calibration>& calibration);
 
+/// Smallest image size that holds all events.
+events::ImageSize reach_of(const events::EventStream& events);
+
 /// Checks the sizes of frames and events against the calibration. If the recording does not contain
 /// the size of a second camera's sensor, uses that of its calibration.
 /// @throws DataError for another size.
