@@ -63,12 +63,13 @@ Curve train(const train::RunOptions& options, const std::filesystem::path& folde
   Progress progress("time to quality", steps);
   watch.start();
   for (int64_t step = 1; step <= steps; ++step) {
-    trainer.step([&] {
-      if (step % every != 0 && step != steps) return;
+    trainer.step();
+    if (step % every == 0 || step == steps) {
       watch.stop();
       curve.milestones.push_back({step, watch.seconds(), trainer.evaluate().mean.psnr});
       watch.start();
-    });
+    }
+    trainer.densify();
     throw_if_interrupted();
     if (progress.step()) progress.show();
   }

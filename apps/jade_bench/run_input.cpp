@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/error.h"
 #include "jade/io/npy.h"
 #include "jade/train/plan.h"
 

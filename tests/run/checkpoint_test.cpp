@@ -7,6 +7,7 @@
 #include "jade/core/random.h"
 #include "jade/data/dataset.h"
 #include "jade/run/evaluate.h"
+#include "jade/run/resume.h"
 #include "jade/run/run_summary.h"
 #include "support/naming.h"
 #include "support/temp_dir.h"

@@ -16,6 +16,7 @@
 #include "jade/core/digest.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/trainer.h"
 #include "jade/serve/server.h"

@@ -66,6 +66,7 @@ void check_gray_training(const std::string& device) {
   CHECK(spread_of_state(gray.state()) == 0);
   for (int i = 0; i < 30; ++i) {
     gray.step();
+    gray.densify();
     CHECK(spread_of_state(gray.state()) == 0);
   }
   const auto& trained = gray.state().gaussians.parameters();
@@ -77,7 +78,7 @@ void check_gray_training(const std::string& device) {
 
   options.dataset.color = data::FrameColor::kColor;
   run::Trainer colored(options, scene.dir.path() / "colored", "");
-  for (int i = 0; i < 30; ++i) colored.step();
+  for (int i = 0; i < 30; ++i) colored.step(), colored.densify();
   CHECK(spread_of_state(colored.state()) > 1e-3);
 }
 
@@ -116,7 +117,7 @@ TEST_CASE("monochrome: a coloured start becomes gray by the luma", "[run]") {
   train::RunOptions options = scene.options("cpu");
   options.dataset.color = data::FrameColor::kColor;
   run::Trainer colored(options, scene.dir.path() / "colored", "");
-  for (int i = 0; i < 10; ++i) colored.step();
+  for (int i = 0; i < 10; ++i) colored.step(), colored.densify();
   const auto ply = scene.dir.path() / "colored.ply";
   gaussians::write_ply(ply, {colored.state().gaussians.detached()});
   const torch::Tensor before = gaussians::read_ply(ply).gaussians.sh;
@@ -141,7 +142,7 @@ TEST_CASE("monochrome: gray forced on coloured frames trains a gray scene", "[ru
   const train::View view = trainer.bank().picture_view(0);
   CHECK(imaging::is_gray(view.restorations.efnet));
   CHECK(imaging::is_gray(view.blurry));
-  for (int i = 0; i < 10; ++i) trainer.step();
+  for (int i = 0; i < 10; ++i) trainer.step(), trainer.densify();
   CHECK(spread_of_state(trainer.state()) == 0);
 }
 

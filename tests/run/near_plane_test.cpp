@@ -92,7 +92,7 @@ TEST_CASE("near plane: a run of a version without the key goes on as it was", "[
   {
     scene.options.splat.near_plane = 0.01;
     run::Trainer old(scene.options, scene.run, "");
-    while (old.state().step < 3) old.step();
+    while (old.state().step < 3) old.step(), old.densify();
     const std::string config = without_line(read_file(scene.run / "config.yaml"), "near_plane");
     const std::string data = run::data_fingerprint(data::load_dataset(scene.options.dataset));
     run::save_checkpoint(scene.run, old.state(), {config, data, ""}, 1);

@@ -70,7 +70,9 @@ TEST_CASE("trainer: recorded steps agree with eager ones across warm-up and dens
   CHECK(theta(recorded).equal(start));
   for (int i = 0; i < 9; ++i) {
     recorded.step();
+    recorded.densify();
     eager.step();
+    eager.densify();
   }
   CHECK(eager.replays() == 0);
   CHECK(recorded.replays() > 4);
@@ -94,7 +96,7 @@ TEST_CASE("trainer: recorded steps agree with eager ones across warm-up and dens
       CHECK(of_recorded.at(name) == Approx(value).epsilon(1e-3));
     }
   }
-  for (int i = 0; i < 20; ++i) recorded.step();
+  for (int i = 0; i < 20; ++i) recorded.step(), recorded.densify();
   CHECK(recorded.replays() > 15);
   CHECK(recorded.state().gaussians.size() != 300);
   CHECK(recorded.state().gaussians.parameters().sh.isfinite().all().item<bool>());

@@ -40,8 +40,8 @@ TEST_CASE("trainer: twenty steps equal ten, a resume, and ten more, to the bit",
   run::Trainer(half, halves, "").run();
   run::Trainer(options, halves, "latest").run();
   CHECK(read_file(run::checkpoint_path(whole, 20)).size() > 0);
-  const auto a = run::load_checkpoint_gaussians(run::checkpoint_path(whole, 20));
-  const auto b = run::load_checkpoint_gaussians(run::checkpoint_path(halves, 20));
+  const auto a = run::load_checkpoint_scene(run::checkpoint_path(whole, 20)).gaussians;
+  const auto b = run::load_checkpoint_scene(run::checkpoint_path(halves, 20)).gaussians;
   CHECK(equal(copies(a), copies(b)));
   CHECK(a.size() != 300);  // densification took part
   CHECK(read_file(whole / "point_cloud.ply") == read_file(halves / "point_cloud.ply"));
@@ -202,14 +202,14 @@ TEST_CASE("trainer: a corrupt newest checkpoint falls back to the one before", "
   std::string bytes = read_file(newest);
   bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
   std::ofstream(newest, std::ios::binary) << bytes;
-  CHECK_THROWS_AS(run::load_checkpoint_gaussians(newest), CheckpointError);
+  CHECK_THROWS_AS(run::load_checkpoint_scene(newest), CheckpointError);
   {
     run::Trainer trainer(options, run, "latest");
     CHECK(trainer.state().step == 10);
   }
   for (const size_t size : {size_t{0}, size_t{100}, bytes.size() - 30}) {
     std::ofstream(newest, std::ios::binary) << bytes.substr(0, size);
-    CHECK_THROWS_AS(run::load_checkpoint_gaussians(newest), CheckpointError);
+    CHECK_THROWS_AS(run::load_checkpoint_scene(newest), CheckpointError);
   }
 }
 

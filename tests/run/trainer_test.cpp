@@ -38,7 +38,7 @@ TEST_CASE("trainer: a view without events trains", "[run]") {
   CHECK(trainer.bank().density(last).sum().item<double>() == 0);
   const train::View view = trainer.bank().picture_view(last);
   CHECK(view.restorations.edi.allclose(view.blurry));
-  for (int i = 0; i < 6; ++i) trainer.step();
+  for (int i = 0; i < 6; ++i) trainer.step(), trainer.densify();
   CHECK(trainer.state().gaussians.parameters().means.isfinite().all().item<bool>());
 }
 
@@ -52,9 +52,9 @@ TEST_CASE("trainer: no opacity reset falls into the last tenth of a run", "[run]
   const auto most_opaque = [&] {
     return trainer.state().gaussians.parameters().logit_opacities.sigmoid().max().item<double>();
   };
-  for (int i = 0; i < 10; ++i) trainer.step();
+  for (int i = 0; i < 10; ++i) trainer.step(), trainer.densify();
   CHECK(most_opaque() < 0.011);
-  for (int i = 0; i < 10; ++i) trainer.step();
+  for (int i = 0; i < 10; ++i) trainer.step(), trainer.densify();
   CHECK(most_opaque() > 0.012);
 }
 

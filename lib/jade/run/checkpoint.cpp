@@ -12,7 +12,6 @@
 #include <torch/serialize.h>
 #include <torch/serialize/archive.h>
 
-#include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/digest.h"
@@ -200,12 +199,6 @@ void restore_rows(const Entries& entries, const std::string& prefix, torch::nn::
   adam.restore({of_adam(0), of_adam(1), of_adam(2), {}, {}});
 }
 
-/// "1500" and "6%" of 25,000 are the same schedule.
-bool same_steps(const Field& a, const Field& b) {
-  const auto *x = std::get_if<Steps*>(&a.value), *y = std::get_if<Steps*>(&b.value);
-  return x && y && int64_t{**x} == int64_t{**y};
-}
-
 }  // namespace
 
 fs::path checkpoint_path(const fs::path& run, int64_t step) {
@@ -333,10 +326,6 @@ void load_checkpoint(const fs::path& path, train::TrainState& state) {
   state.step = take(all, "step", path).item<int64_t>();
 }
 
-splat::Gaussians load_checkpoint_gaussians(const fs::path& path) {
-  return load_checkpoint_scene(path).gaussians;
-}
-
 gaussians::GaussianFile load_checkpoint_scene(const fs::path& path) {
   const Entries all = read_archive(path);
   gaussians::GaussianFile file;
@@ -409,52 +398,6 @@ std::string data_fingerprint(const data::Dataset& dataset, FingerprintOf what) {
 bool had_fingerprint(const data::Dataset& dataset, const std::string& fingerprint) {
   return fingerprint == data_fingerprint(dataset, FingerprintOf::kInOne) ||
          fingerprint == data_fingerprint(dataset, FingerprintOf::kCounts);
-}
-
-train::RunOptions saved_options(const std::string& yaml) {
-  train::RunOptions saved = train::printed_options();
-  try {
-    config::read_text(yaml, "its configuration", fields_of(saved));
-  } catch (const ConfigError& error) {
-    throw CheckpointError(
-        concat("the checkpoint is of another version of this program: ", error.what()));
-  }
-  train::settle(saved);
-  return saved;
-}
-
-bool keep_calendar(const train::RunOptions& saved, train::RunOptions& now) {
-  const int64_t steps = train::calendar_steps(saved);
-  if (now.train.calendar > 0 || steps == train::calendar_steps(now)) return false;
-  now.train.calendar = steps;
-  train::settle(now);
-  return true;
-}
-
-ConfigDifference compare_configs(const std::string& saved_yaml, train::RunOptions now) {
-  // Keys that affect when a run stops or what it shows, but not its result at a given step.
-  static const std::vector<std::string> free_keys = {
-      "train.iterations", "train.log_every", "train.evaluate_every", "train.picture_every",
-      "checkpoint.every", "device",          "memory_gib",           "dataset.path",
-      "efnet.path",       "cache.enabled",   "cache.folder",         "poses.test_fit_steps",
-      "init.ply"};
-  train::RunOptions saved = saved_options(saved_yaml);
-  train::settle(now);
-  const FieldList saved_fields = fields_of(saved), now_fields = fields_of(now);
-  const auto before = config::values(saved_fields), after = config::values(now_fields);
-  ConfigDifference difference;
-  for (size_t i = 0; i < before.size(); ++i) {
-    if (before[i].second == after[i].second) continue;
-    if (same_steps(saved_fields.fields()[i], now_fields.fields()[i])) continue;
-    if (before[i].first == "train.calendar" &&
-        train::calendar_steps(saved) == train::calendar_steps(now))
-      continue;
-    const bool is_free =
-        std::find(free_keys.begin(), free_keys.end(), before[i].first) != free_keys.end();
-    (is_free ? difference.allowed : difference.refused)
-        .push_back(concat(before[i].first, ": ", before[i].second, " -> ", after[i].second));
-  }
-  return difference;
 }
 
 }  // namespace jade::run

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "jade/core/error.h"
+#include "jade/core/log.h"
 #include "jade/gaussians/ply.h"
 #include "jade/geometry/pose.h"
 #include "jade/train/options.h"
@@ -51,13 +53,23 @@ CheckpointInfo read_checkpoint_info(const std::filesystem::path& path);
 /// @throws CheckpointError as read_checkpoint_info(), and if the state does not match.
 void load_checkpoint(const std::filesystem::path& path, train::TrainState& state);
 
-/// Reads only the Gaussians, on the CPU, for export and rendering.
-/// @throws CheckpointError.
-splat::Gaussians load_checkpoint_gaussians(const std::filesystem::path& path);
-
-/// Gaussians of a checkpoint with their origin.
+/// Reads only the Gaussians with their origin, on the CPU, for export and rendering.
 /// @throws CheckpointError.
 gaussians::GaussianFile load_checkpoint_scene(const std::filesystem::path& path);
+
+/// Result of `load(path)` for the first undamaged of several checkpoints; warns of damaged ones.
+/// @throws CheckpointError of the last one.
+template <typename Load>
+auto from_newest(const std::vector<std::filesystem::path>& checkpoints, const Load& load) {
+  for (size_t i = 0; i + 1 < checkpoints.size(); ++i) {
+    try {
+      return load(checkpoints[i]);
+    } catch (const CheckpointError& damage) {
+      log_warn(concat(damage.what(), "; trying ", checkpoints[i + 1].filename().string()));
+    }
+  }
+  return load(checkpoints.back());
+}
 
 /// Reads only θ into an allocation made from the options of the run, for restoration without a
 /// scene.
@@ -78,23 +90,5 @@ std::string data_fingerprint(const data::Dataset& dataset,
 
 /// True if older versions gave the data set this fingerprint.
 bool had_fingerprint(const data::Dataset& dataset, const std::string& fingerprint);
-
-/// The options in a checkpoint's YAML, settled; keys that it lacks have their printed values
-/// (train::printed_options).
-/// @throws CheckpointError for the YAML of another version.
-train::RunOptions saved_options(const std::string& yaml);
-
-/// Keeps the schedule of a resumed run: if the shares in `now` refer to another number of steps and
-/// train.calendar is not set, sets it to the saved one. Returns whether that changed it.
-bool keep_calendar(const train::RunOptions& saved, train::RunOptions& now);
-
-/// Keys whose values differ, as "key: saved -> now" lines. `allowed` has keys that a resumed run
-/// may change (train.iterations, the schedule of logs, pictures and checkpoints, device,
-/// dataset.path, efnet.path), `refused` all others. CheckpointInfo compares the content of the
-/// paths.
-struct ConfigDifference {
-  std::vector<std::string> allowed, refused;
-};
-ConfigDifference compare_configs(const std::string& saved_yaml, train::RunOptions now);
 
 }  // namespace jade::run

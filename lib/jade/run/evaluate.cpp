@@ -146,19 +146,6 @@ data::Dataset with_poses_of(const fs::path& checkpoint, const data::Dataset& dat
   return with_learned_poses(dataset, *poses, none, {}, train::render_options(options));
 }
 
-/// Result of `load` for the newest undamaged checkpoint.
-template <typename Load>
-auto from_newest(const std::vector<fs::path>& checkpoints, const Load& load) {
-  for (size_t i = 0; i + 1 < checkpoints.size(); ++i) {
-    try {
-      return load(checkpoints[i]);
-    } catch (const CheckpointError& damage) {
-      log_warn(concat(damage.what(), "; trying ", checkpoints[i + 1].filename().string()));
-    }
-  }
-  return load(checkpoints.back());
-}
-
 /// The list in env.json; empty for runs of versions that wrote none.
 std::vector<data::TrainedFrame> trained_on(const fs::path& run) {
   std::vector<data::TrainedFrame> frames;
@@ -203,7 +190,7 @@ PosedData load_posed(const fs::path& run, const train::RunOptions& options) {
     return {dataset, {}};
   }
   PosedData posed = from_newest(checkpoints, [&](const fs::path& checkpoint) -> PosedData {
-    load_checkpoint_gaussians(checkpoint);
+    load_checkpoint_scene(checkpoint);
     return {with_poses_of(checkpoint, dataset, options), checkpoint};
   });
   log_warn(concat(

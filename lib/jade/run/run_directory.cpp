@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/run_directory.h"
 
-#include <fstream>
-#include <nlohmann/json.hpp>
-
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/run/checkpoint.h"
@@ -35,27 +32,6 @@ void RunDirectory::remove_results() const {
   for (const char* left : {kSceneFile, kLearnedCamerasFile, kScoresFile, kReportFile}) {
     fs::remove(path_ / left);
   }
-}
-
-MetricsLog::MetricsLog(fs::path path, int64_t step) : path_(std::move(path)) {
-  std::string kept;
-  std::ifstream old(path_);
-  for (std::string line; std::getline(old, line);) {
-    const auto object = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
-    // A killed run may leave an incomplete line, which is not valid JSON.
-    if (!object.is_object() || object.value("step", int64_t{0}) > step) continue;
-    kept += line + "\n";
-    seconds_before_ = object.value("seconds", seconds_before_);
-  }
-  write_file(path_, kept);
-}
-
-void MetricsLog::append(const std::string& json_object) {
-  std::ofstream out(path_, std::ios::app);
-  out << json_object << '\n';
-  out.close();
-  if (!out) throw DataError(concat(path_.string(), ": cannot be written; is the disk full?"));
-  if (listener_) listener_(json_object);
 }
 
 }  // namespace jade::run

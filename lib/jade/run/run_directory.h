@@ -2,10 +2,7 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <optional>
-#include <string>
-#include <utility>
 
 #include "jade/core/folder_lock.h"
 
@@ -44,23 +41,6 @@ class RunDirectory {
  private:
   std::filesystem::path path_;
   std::optional<FolderLock> lock_;
-};
-
-/// metrics.jsonl: one JSON object per line.
-class MetricsLog {
- public:
-  /// Continues the file, after dropping lines of steps after `step`, which a killed run wrote.
-  MetricsLog(std::filesystem::path path, int64_t step);
-  void append(const std::string& json_object);
-  /// "seconds" of the last remaining line; 0 without one.
-  double seconds_before() const { return seconds_before_; }
-  /// Also calls `listener` with each line from now on.
-  void tell(std::function<void(const std::string&)> listener) { listener_ = std::move(listener); }
-
- private:
-  std::filesystem::path path_;
-  double seconds_before_ = 0;
-  std::function<void(const std::string&)> listener_;
 };
 
 }  // namespace jade::run

@@ -56,7 +56,7 @@ void read_checkpoints(const fs::path& run, RunSummary& s) {
   bool found = false;
   for (const fs::path& path : checkpoints) {
     try {
-      gaussians = load_checkpoint_gaussians(path);
+      gaussians = load_checkpoint_scene(path).gaussians;
       s.step = step_of(path);
       found = true;
       break;

@@ -2,8 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
-#include <future>
 #include <memory>
 #include <optional>
 #include <string>
@@ -12,11 +10,11 @@
 
 #include "jade/data/exposure.h"
 #include "jade/eval/report.h"
-#include "jade/restore/efnet.h"
-#include "jade/run/checkpoint.h"
 #include "jade/run/learned_cameras.h"
+#include "jade/run/metrics_log.h"
 #include "jade/run/pace.h"
 #include "jade/run/picture_writer.h"
+#include "jade/run/run_data.h"
 #include "jade/run/run_directory.h"
 #include "jade/run/stage_times.h"
 #include "jade/run/term_monitor.h"
@@ -28,27 +26,18 @@
 
 namespace jade::run {
 
-/// Training data of a run.
-struct RunData {
-  data::Dataset dataset;
-  std::string fingerprint;                  ///< of the data set, see data_fingerprint()
-  std::string restorer_sha256;              ///< empty if no restorer is needed
-  std::future<restore::Restorer> restorer;  ///< being loaded, if it runs on a GPU
-  std::future<void> kernels;                ///< being loaded, if the device is a GPU
-};
-
 /// The training loop and its schedule. routing_step.h and scene_step.h define a step.
 class Trainer {
  public:
   /// Loads the data, prepares the views and creates or loads the state.
-  /// @param resume  empty: a new run, an error if the folder has one; "latest": the newest
+  /// @param from  empty: a new run, an error if the folder has one; "latest": the newest
   ///   undamaged checkpoint of the run directory, or a new run without one; else the path of a
   ///   checkpoint.
   /// @param choices  settings that a new run may choose (choose_pace()), and a resumed one takes
   ///   from the run; without value: none
   /// @throws the typed errors of core/error.h.
   Trainer(const train::RunOptions& options, const std::filesystem::path& run,
-          const std::string& resume, const std::optional<Choices>& choices = std::nullopt);
+          const std::string& from, const std::optional<Choices>& choices = std::nullopt);
   ~Trainer();
 
   /// Trains to options.train.iterations, then evaluates and exports.
@@ -56,10 +45,11 @@ class Trainer {
   /// @throws Interrupted after saving, NumericError; the last good checkpoint stays.
   void run(Watcher* watcher = nullptr);
 
-  /// One step: renders, routing step, scene step, densification.
-  /// @param look  called before densification: after an opacity reset renders are empty for some
-  ///   steps
-  void step(const std::function<void()>& look = {});
+  /// One step: renders, routing step, scene step.
+  void step();
+  /// Densification, at its steps. Evaluate before it: after an opacity reset renders are empty for
+  /// some steps.
+  void densify();
 
   /// Effective options: settled, and with the schedule of a resumed run.
   const train::RunOptions& options() const { return options_; }
@@ -76,27 +66,18 @@ class Trainer {
  private:
   eval::Evaluation evaluate(const data::Dataset& posed);
   bool learns_gains() const;
-  /// Returns false if there is no checkpoint.
-  bool resume_from(const std::string& choice);
-  /// Replaces pattern.learn auto by on or off.
-  void settle_pattern();
-  /// Restores the decisions of the run's start: its schedule, thresholds, pattern and near plane.
-  void keep_decisions(const train::RunOptions& saved);
-  void check_same_run(const std::filesystem::path& checkpoint, const CheckpointInfo& info) const;
-  void announce() const;
-  void write_environment() const;
+  bool is_over() const;
   void log_step(const train::StepInputs& inputs, const train::StepOutputs& out);
-  /// @param seconds  run_seconds() before the evaluation
-  eval::Evaluation log_evaluation(const data::Dataset& posed, double seconds);
   /// "seconds" of a line of metrics.jsonl: duration of the run without intermediate evaluations.
   double run_seconds() const;
   /// Runs the evaluation and writes the pictures that are due.
   void look(Watcher* watcher);
   void save();
   /// The data set with the poses to evaluate at: learned ones if poses are learned.
-  data::Dataset posed_dataset();
-  /// posed_dataset() for an intermediate evaluation: continues the fit of test poses from the last
-  /// one.
+  /// @param last  of the last intermediate evaluation, whose fit of test poses it continues
+  data::Dataset posed_dataset(const data::Dataset* last = nullptr,
+                              OnInterrupt on_interrupt = OnInterrupt::kEnd);
+  /// posed_dataset() for an intermediate evaluation.
   const data::Dataset& look_at_dataset();
   /// @param truths  write the test views' sharp images too
   void write_pictures(const data::Dataset& posed, bool truths = false);
@@ -105,7 +86,6 @@ class Trainer {
 
   StageTimes times_;  // first member: measures from the start
   train::RunOptions options_;
-  std::optional<Choices> choices_;
   torch::Device device_;
   RunDirectory directory_;
   RunData data_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/run/run_directory.h"
+#include "jade/run/metrics_log.h"
 
 #include "support/catch.h"
 
