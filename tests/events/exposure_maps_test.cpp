@@ -33,16 +33,16 @@ TEST_CASE("map exposure: bands of rows give the exact counts, for any number of 
   const int threads = at::get_num_threads();
   for (const ImageSize& size : {ImageSize{1, 40}, kSize, ImageSize{150, 23}}) {
     const auto events = random_events(40000, 1.2f, 10000, 9, size).stream();
-    const WindowCounts windows = count_windows(events, exposure, 5, size);
-    const WindowCounts apart = count_windows(events, exposure, 7, size);
+    const torch::Tensor windows = to_events(binned(events, exposure, 5, size));
+    const torch::Tensor apart = to_events(binned(events, exposure, 7, size));
     for (const int number : {1, 3}) {
       at::set_num_threads(number);
       const auto maps = map_exposure(events, exposure, 6, size, 5, 7);
       CHECK(maps.voxel.values.equal(voxelize(events, exposure, 6, size).values));
       CHECK(maps.density.equal(event_density(events.slice(exposure), size)));
-      CHECK(maps.windows.positive.equal(windows.positive));
-      CHECK(maps.windows.negative.equal(windows.negative));
-      CHECK(maps.signed_windows.equal(apart.positive - apart.negative));
+      CHECK(maps.windows.positive.equal(windows.select(1, 0)));
+      CHECK(maps.windows.negative.equal(windows.select(1, 1)));
+      CHECK(maps.signed_windows.equal(apart.select(1, 0) - apart.select(1, 1)));
     }
     at::set_num_threads(threads);
   }
@@ -58,16 +58,6 @@ TEST_CASE("map exposure: exposures shorter than their bins, and without events, 
     CHECK(maps.density.sum().item<float>() == Approx(float(events.slice(window).size())));
     CHECK(maps.windows.positive.sizes() == torch::IntArrayRef({8, kSize.height, kSize.width}));
   }
-}
-
-TEST_CASE("count windows: those of the exposure's maps", "[events]") {
-  const auto events = random_events(4000, 1, 10000, 4).stream();
-  const TimeWindow exposure{3003, 7014};
-  const auto inside = map_exposure(events, exposure, 6, kSize).windows;
-  const auto alone = count_windows(events, exposure, 8, kSize);
-  CHECK(alone.positive.equal(inside.positive));
-  CHECK(alone.negative.equal(inside.negative));
-  CHECK_THROWS_AS(count_windows(events, exposure, 0, kSize), jade::ContractError);
 }
 
 TEST_CASE("edi windows: windows hold threshold times count, by polarity", "[events]") {

@@ -9,6 +9,7 @@
 #include "jade/core/error.h"
 #include "jade/geometry/se3.h"
 #include "support/gradcheck.h"
+#include "support/se3_log.h"
 
 using namespace jade;
 
@@ -49,7 +50,7 @@ torch::Tensor slow_spline(const torch::Tensor& twists, const torch::Tensor& u,
                           const torch::Tensor& control) {
   const torch::Tensor poses = control.matmul(geometry::se3_exp(twists));
   const torch::Tensor motions =
-      geometry::se3_log(geometry::se3_inverse(poses.slice(0, 0, -1)).matmul(poses.slice(0, 1)));
+      test::se3_log(geometry::se3_inverse(poses.slice(0, 0, -1)).matmul(poses.slice(0, 1)));
   const torch::Tensor shares = weights(u, twists.size(0)).flip(1).cumsum(1).flip(1);
   torch::Tensor path = poses[0].unsqueeze(0);
   for (int64_t j = 1; j < twists.size(0); ++j) {

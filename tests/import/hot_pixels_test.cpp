@@ -73,9 +73,7 @@ TEST_CASE("hot pixels: their events go, all others stay in order", "[import]") {
   import::PixelCounter counter({kHeight, kWidth}), after({kHeight, kWidth});
   counter.add(all);
   const auto hot = import::find_hot_pixels(counter);
-  const auto clean = import::remove_events(all, hot.mask);
-  after.add(clean.events);
-  CHECK(clean.removed == counter.counts().masked_select(hot.mask).sum().item<int64_t>());
+  after.add(import::remove_events(all, hot.mask));
   CHECK(after.counts().equal(counter.counts() * hot.mask.logical_not()));
   CHECK(import::find_hot_pixels(after).pixels.empty());
 }

@@ -20,6 +20,19 @@ torch::Tensor drawn(std::vector<int64_t> shape, double low, double high) {
   return at::rand(shape, generator, torch::kFloat64) * (high - low) + low;
 }
 
+torch::Tensor applied(const torch::Tensor& image, const torch::Tensor& table) {
+  return CameraResponseImpl::apply_all({{image, {}}}, table)[0];
+}
+
+/// @param weights  undefined: equal ones
+torch::Tensor mean_of(const torch::Tensor& images, const torch::Tensor& table,
+                      const torch::Tensor& weights = {}) {
+  const int64_t count = images.size(0);
+  const torch::Tensor equal =
+      torch::full({count}, 1.0 / double(count), table.options().requires_grad(false));
+  return CameraResponseImpl::apply_all({{images, weights.defined() ? weights : equal}}, table)[0];
+}
+
 TEST_CASE("camera response: starts near the identity, the same on every construction",
           "[response]") {
   CameraResponse response;
@@ -41,7 +54,7 @@ TEST_CASE("camera response: the table differs from the network by less than 1e-4
   CameraResponse response;
   const torch::NoGradGuard no_grad;
   const torch::Tensor x = drawn({3, 60, 60}, 0, 1.5).to(torch::kFloat32);
-  CHECK((response->forward(x) - response->exact(x)).abs().max().item<double>() < 1e-4);
+  CHECK((applied(x, response->table()) - response->exact(x)).abs().max().item<double>() < 1e-4);
 }
 
 TEST_CASE("camera response: the mean form equals the mean of single images", "[response]") {
@@ -50,10 +63,9 @@ TEST_CASE("camera response: the mean form equals the mean of single images", "[r
   torch::Tensor b = a.detach().clone().set_requires_grad(true);
   const torch::Tensor table = response->table().detach();
   const torch::Tensor cotangent = torch::rand({3, 11, 7});
-  CameraResponseImpl::mean(a, table).backward(cotangent);
-  CameraResponseImpl::apply(b, table).mean(0).backward(cotangent);
-  CHECK(torch::allclose(CameraResponseImpl::mean(a, table),
-                        CameraResponseImpl::apply(b, table).mean(0), 1e-5, 1e-6));
+  mean_of(a, table).backward(cotangent);
+  applied(b, table).mean(0).backward(cotangent);
+  CHECK(torch::allclose(mean_of(a, table), applied(b, table).mean(0), 1e-5, 1e-6));
   CHECK(torch::allclose(a.grad(), b.grad(), 1e-5, 1e-7));
 }
 
@@ -64,14 +76,13 @@ TEST_CASE("camera response: the mean takes weights, forward and backward", "[res
   const torch::Tensor table = response->table().detach();
   const torch::Tensor weights = torch::tensor({0.125f, 0.25f, 0.25f, 0.25f, 0.125f});
   const torch::Tensor cotangent = torch::rand({3, 11, 7});
-  const torch::Tensor mean = CameraResponseImpl::mean(a, table, weights);
+  const torch::Tensor mean = mean_of(a, table, weights);
   mean.backward(cotangent);
-  const torch::Tensor sum =
-      (CameraResponseImpl::apply(b, table) * weights.view({5, 1, 1, 1})).sum(0);
+  const torch::Tensor sum = (applied(b, table) * weights.view({5, 1, 1, 1})).sum(0);
   sum.backward(cotangent);
   CHECK(torch::allclose(mean, sum, 1e-5, 1e-6));
   CHECK(torch::allclose(a.grad(), b.grad(), 1e-5, 1e-7));
-  CHECK_FALSE(torch::allclose(mean, CameraResponseImpl::mean(a, table), 1e-5, 1e-6));
+  CHECK_FALSE(torch::allclose(mean, mean_of(a, table), 1e-5, 1e-6));
 }
 
 /// Points inside cells, where the interpolation is smooth.
@@ -94,8 +105,8 @@ TEST_CASE("camera response: one call of several images is as many calls, to the 
     std::vector<torch::Tensor> out;
     if (together) out = CameraResponseImpl::apply_all(inputs, table);
     for (size_t i = 0; i < 3 && !together; ++i) {
-      out.push_back(i == 0 ? CameraResponseImpl::apply(inputs[i].image, table)
-                           : CameraResponseImpl::mean(inputs[i].image, table, inputs[i].weights));
+      out.push_back(i == 0 ? applied(inputs[i].image, table)
+                           : mean_of(inputs[i].image, table, inputs[i].weights));
     }
     (out[0].square().sum() + out[1].square().sum() + out[2].square().sum()).backward();
     out.insert(out.end(), {inputs[1].image.grad(), inputs[2].image.grad(), table.grad()});
@@ -132,8 +143,7 @@ TEST_CASE("camera response: gradients to image and table equal central differenc
   for (const bool mean : {false, true}) {
     torch::Tensor image = inside_cells({4, 1, 3, 5}).set_requires_grad(true);
     const auto good = [&](const std::vector<torch::Tensor>& in) {
-      return mean ? CameraResponseImpl::mean(in[0], in[1])
-                  : CameraResponseImpl::apply(in[0], in[1]);
+      return mean ? mean_of(in[0], in[1]) : applied(in[0], in[1]);
     };
     const auto report = test::gradcheck(good, {image, table}, {"image", "table"});
     INFO(report.message);
@@ -151,7 +161,7 @@ TEST_CASE("camera response: parameters get the network's gradient through the ta
   CameraResponse response;
   const torch::Tensor x = drawn({3, 40, 40}, 0, 1).to(torch::kFloat32);
   const torch::Tensor cotangent = torch::rand({3, 40, 40});
-  response->forward(x).backward(cotangent);
+  applied(x, response->table()).backward(cotangent);
   const torch::Tensor by_table = response->layer3->weight.grad().clone();
   response->zero_grad();
   response->exact(x).backward(cotangent);
@@ -202,7 +212,8 @@ TEST_CASE(
 
 TEST_CASE("camera response: NaN pixels stay NaN", "[response]") {
   CameraResponse response;
-  CHECK(response->forward(torch::full({1, 1, 1}, std::nan(""))).isnan().all().item<bool>());
+  CHECK(
+      applied(torch::full({1, 1, 1}, std::nan("")), response->table()).isnan().all().item<bool>());
 }
 
 TEST_CASE("camera response: sums over the image do not depend on the number of threads",
@@ -214,7 +225,7 @@ TEST_CASE("camera response: sums over the image do not depend on the number of t
   for (const int count : {1, 2}) {
     torch::set_num_threads(count);
     torch::Tensor table = response->table().detach().set_requires_grad(true);
-    CameraResponseImpl::mean(x, table).square().sum().backward();
+    mean_of(x, table).square().sum().backward();
     results.push_back(table.grad());
   }
   torch::set_num_threads(threads);
@@ -229,8 +240,8 @@ TEST_CASE("camera response: every instruction set gives the same bits", "[respon
   const auto all = [&] {
     torch::Tensor image = x.clone().set_requires_grad(true);
     torch::Tensor table = response->table().detach().set_requires_grad(true);
-    const torch::Tensor mean = CameraResponseImpl::mean(image, table, weights);
-    const torch::Tensor single = CameraResponseImpl::apply(image, table);
+    const torch::Tensor mean = mean_of(image, table, weights);
+    const torch::Tensor single = applied(image, table);
     (mean.nan_to_num().square().sum() + single.nan_to_num().square().sum()).backward();
     return std::vector<torch::Tensor>{mean.nan_to_num(-1), single.nan_to_num(-1), image.grad(),
                                       table.grad().nan_to_num(-1)};
@@ -256,8 +267,7 @@ TEST_CASE("camera response: CUDA equals the CPU, the same bits on every run", "[
   for (const torch::Device device : {torch::Device(torch::kCPU), gpu, gpu}) {
     torch::Tensor image = x.detach().clone().to(device).set_requires_grad(true);
     torch::Tensor table = response->table().detach().to(device).set_requires_grad(true);
-    const torch::Tensor out =
-        CameraResponseImpl::mean(image, table) + CameraResponseImpl::apply(image, table)[0];
+    const torch::Tensor out = mean_of(image, table) + applied(image, table)[0];
     out.backward(cotangent.to(device));
     results.push_back({out.detach().cpu(), image.grad().cpu(), table.grad().cpu()});
   }

@@ -44,12 +44,11 @@ TEST_CASE("restoration cache: what was made once is read back to the bit", "[res
   const torch::Tensor image = torch::rand({3, 7, 9}) * 3 - 1;
   RestorationCache first(in(dir / "a/b"));
   first.get("key", image.sizes(), [&] { return image; });
-  CHECK(first.misses() == 1);
+  CHECK(first.hits() == 0);
   RestorationCache second(in(dir / "a/b"));
   const torch::Tensor back = second.get("key", image.sizes(), [] { return torch::Tensor(); });
   CHECK(torch::equal(back, image));
   CHECK(second.hits() == 1);
-  CHECK(second.misses() == 0);
 }
 
 TEST_CASE("restoration cache: the key knows settings, values, shapes and types", "[restore]") {

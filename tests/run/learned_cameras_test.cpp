@@ -19,9 +19,11 @@
 #include "jade/gaussians/ply.h"
 #include "jade/geometry/alignment.h"
 #include "jade/geometry/se3.h"
+#include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/trainer.h"
 #include "support/naming.h"
+#include "support/se3_log.h"
 #include "support/tiny_run.h"
 
 using namespace jade;
@@ -86,7 +88,7 @@ void check_fit(torch::Device device) {
   scene.options.objective.target = losses::Target::kEdi;
   scene.options.train.iterations = 150;
   run::Trainer trainer(scene.options, scene.run, "");
-  while (trainer.state().step < 150) trainer.step();
+  while (trainer.state().step < 150) trainer.step(), trainer.densify();
   const auto gaussians = moved(trainer.state().gaussians.detached(), device);
 
   data::Dataset dataset = data::load_dataset(scene.options.dataset);
@@ -176,7 +178,7 @@ TEST_CASE("learned cameras: test views follow a motion that all exposures share"
         const auto camera = geometry::to_tensor(end == 0 ? path.front() : path.back());
         const auto world = geometry::to_tensor(there);
         twists[static_cast<int64_t>(i)][end].copy_(
-            geometry::se3_log(camera.matmul(world).matmul(geometry::se3_inverse(camera))));
+            test::se3_log(camera.matmul(world).matmul(geometry::se3_inverse(camera))));
       }
     }
   }
@@ -265,7 +267,7 @@ TEST_CASE("learned cameras: before a run's end other programs have those of its 
   write_file(newest, bytes.substr(0, bytes.size() / 2));
   const run::FinishedRun before = run::open_run(scene.run, run::load_run_options(scene.run));
   const auto whole = run::list_checkpoints(scene.run).at(1);
-  CHECK(torch::equal(before.gaussians.means, run::load_checkpoint_gaussians(whole).means));
+  CHECK(torch::equal(before.gaussians.means, run::load_checkpoint_scene(whole).gaussians.means));
   CHECK(before.dataset.train[1].poses[3].translation !=
         opened.dataset.train[1].poses[3].translation);
   std::filesystem::remove_all(scene.run / "checkpoints");

@@ -8,9 +8,9 @@
 
 #include "jade/core/progress.h"
 #include "jade/data/dataset.h"
-#include "jade/geometry/se3.h"
 #include "jade/simulate/simulator.h"
 #include "support/drifting_pattern.h"
+#include "support/se3_log.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -58,7 +58,7 @@ class Errors {
     for (size_t i = 0; i < 3; ++i) shifts_.push_back(b[i] - a[i]);
   }
   torch::Tensor all() const {
-    const auto rotation = geometry::se3_log(torch::stack(turns_)).slice(1, 3) / kDegree;
+    const auto rotation = test::se3_log(torch::stack(turns_)).slice(1, 3) / kDegree;
     const auto position = torch::tensor(shifts_, torch::kFloat64).view({-1, 3});
     return torch::cat({rotation / options_.rotation_deg, position / options_.position}, 1);
   }

@@ -110,7 +110,7 @@ TEST_CASE(
   const events::TimeWindow span{exposure.t_start_us, exposure.t_end_us};
   const events::ImageSize size{exposure.camera.height, exposure.camera.width};
   const auto voxel = events::map_exposure(exposure.events, span, 6, size).voxel;
-  const auto counts = events::count_windows(exposure.events, span, 4, size);
+  const auto counts = events::map_exposure(exposure.events, span, 1, size, 4).windows;
   restore::Restorer network(options.efnet);
   const double rounding = 5e-4;  // of float16 below 1
   for (int64_t k = 0; k < 9; ++k) {
@@ -143,7 +143,7 @@ TEST_CASE("bank: constants go to the device kind by kind as far as they fit", "[
   const data::Dataset dataset = data::load_dataset(options.dataset);
   const train::ViewBank all(dataset, options, torch::kCUDA);
   const train::ConstantBytes whole = all.bytes_on_device();
-  CHECK(whole.frames == 3 * all.size() * all.frame_bytes());
+  CHECK(whole.frames == 3 * all.size() * int64_t(all.picture_view(0).blurry.nbytes()));
   CHECK((whole.edi > 0 && whole.restorations > 0));
   // Enough bytes for the frames only, and none.
   for (const int64_t most : {whole.frames, int64_t{0}}) {

@@ -130,11 +130,4 @@ ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure,
   return sums_of(events.slice(exposure), knots, size);
 }
 
-WindowCounts count_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,
-                           const ImageSize& size) {
-  JADE_CHECK(parts > 0, "expected one window or more, found ", parts);
-  const auto counts = to_events(count_events(events, equal_knots(exposure, parts), size));
-  return {counts.select(1, 0).contiguous(), counts.select(1, 1).contiguous()};
-}
-
 }  // namespace jade::events

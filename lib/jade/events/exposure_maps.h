@@ -38,8 +38,4 @@ ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure,
                           const ImageSize& size, int64_t parts = kEdiWindows,
                           int64_t signed_parts = 0);
 
-/// Only the windows of map_exposure.
-WindowCounts count_windows(const EventStream& events, const TimeWindow& exposure, int64_t parts,
-                           const ImageSize& size);
-
 }  // namespace jade::events

@@ -71,21 +71,6 @@ torch::Tensor translation_part(const torch::Tensor& motion) {
   return motion.narrow(-2, 0, 3).select(-1, 3);
 }
 
-/// ω of a rotation by θ < 90°: from sin θ · axis, the antisymmetric part.
-torch::Tensor rotation_vector(const torch::Tensor& rotation) {
-  const torch::Tensor skew = (rotation - rotation.transpose(-1, -2)) / 2;
-  const torch::Tensor sine =
-      torch::stack({skew.select(-2, 2).select(-1, 1), skew.select(-2, 0).select(-1, 2),
-                    skew.select(-2, 1).select(-1, 0)},
-                   -1);
-  // arcsin(s)/s in s² = sin² θ.
-  const torch::Tensor ratio =
-      closed_or_series(sine.square().sum(-1),
-                       {1, 1. / 6, 3. / 40, 15. / 336, 105. / 3456, 945. / 42240, 10395. / 599040},
-                       [](const torch::Tensor& x) { return x.sqrt().asin() / x.sqrt(); });
-  return sine * ratio.unsqueeze(-1);
-}
-
 }  // namespace
 
 torch::Tensor se3_exp(const torch::Tensor& twist) {
@@ -104,24 +89,6 @@ torch::Tensor se3_exp(const torch::Tensor& twist) {
 
 torch::Tensor twist_unit(double unit) {
   return torch::tensor({unit, unit, unit, 1., 1., 1.}, torch::kFloat64);
-}
-
-torch::Tensor se3_log(const torch::Tensor& motion) {
-  JADE_CHECK(motion.dim() >= 2 && motion.size(-1) == 4 && motion.size(-2) == 4,
-             "motion: expected [...,4,4], found ", shape_string(motion));
-  const torch::Tensor omega = rotation_vector(rotation_part(motion));
-  const torch::Tensor square = omega.square().sum(-1);
-  // (I + B[ω] + C[ω]²)⁻¹ = I − [ω]/2 + D[ω]².
-  const torch::Tensor d = closed_or_series(
-      square, {1. / 12, 1. / 720, 1. / 30240, 1. / 1209600, 1. / 47900160, 691. / 1307674368000},
-      [](const torch::Tensor& x) {
-        const torch::Tensor angle = x.sqrt();
-        return (1 - angle * angle.sin() / (2 * (1 - angle.cos()))) / x;
-      });
-  const torch::Tensor first = cross_matrix(omega);
-  const torch::Tensor along = torch::eye(3, motion.options().requires_grad(false)) - first / 2 +
-                              scalar_to_matrix(d) * first.matmul(first);
-  return torch::cat({apply(along, translation_part(motion)), omega}, -1);
 }
 
 torch::Tensor se3_inverse(const torch::Tensor& motion) {

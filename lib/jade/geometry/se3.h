@@ -18,11 +18,6 @@ torch::Tensor se3_exp(const torch::Tensor& twist);
 /// in the lengths of the scene.
 torch::Tensor twist_unit(double unit);
 
-/// log: SE(3) → se(3), the inverse of se3_exp for rotations by less than 90°.
-/// @param motion  [...,4,4], rigid.
-/// @return [...,6]; differentiable
-torch::Tensor se3_log(const torch::Tensor& motion);
-
 /// The inverse of rigid motions [...,4,4]; differentiable.
 torch::Tensor se3_inverse(const torch::Tensor& motion);
 

@@ -57,7 +57,7 @@ std::vector<HotPixel> hot_pixels_of(const Capture& capture) {
 
 events::EventStream without(const std::vector<HotPixel>& pixels, const Capture& capture) {
   if (pixels.empty()) return capture.events;
-  return remove_events(capture.events, mask_of(pixels, capture.sensor)).events;
+  return remove_events(capture.events, mask_of(pixels, capture.sensor));
 }
 
 /// Frames as seen behind a filter: all channels become that of the pixel.

@@ -102,7 +102,7 @@ HotPixels find_hot_pixels(const PixelCounter& counter) {
   return result;
 }
 
-CleanedEvents remove_events(const events::EventStream& events, const torch::Tensor& mask) {
+events::EventStream remove_events(const events::EventStream& events, const torch::Tensor& mask) {
   check_shape(mask, "mask of pixels", {-1, -1});
   check_dtype(mask, "mask of pixels", torch::kBool);
   const torch::Tensor whole = mask.contiguous();
@@ -116,8 +116,7 @@ CleanedEvents remove_events(const events::EventStream& events, const torch::Tens
   }
   const torch::Tensor index = keep.nonzero().flatten();
   const auto some = [&](const torch::Tensor& all) { return all.index_select(0, index); };
-  return {{some(events.x()), some(events.y()), some(events.t_us()), some(events.polarity())},
-          events.size() - index.numel()};
+  return {some(events.x()), some(events.y()), some(events.t_us()), some(events.polarity())};
 }
 
 }  // namespace jade::import

@@ -43,12 +43,7 @@ struct HotPixels {
 /// defects are isolated or in small groups.
 HotPixels find_hot_pixels(const PixelCounter& counter);
 
-struct CleanedEvents {
-  events::EventStream events;
-  int64_t removed = 0;
-};
-
 /// The events of pixels outside the mask. Any part of a recording can be processed separately.
-CleanedEvents remove_events(const events::EventStream& events, const torch::Tensor& mask);
+events::EventStream remove_events(const events::EventStream& events, const torch::Tensor& mask);
 
 }  // namespace jade::import

@@ -377,7 +377,7 @@ void drop_masked_events(Capture& capture) {
   const bool shared =
       capture.sensor.height == capture.height() && capture.sensor.width == capture.width();
   if (!capture.mask.defined() || !shared) return;
-  capture.events = remove_events(capture.events, capture.mask[0].logical_not()).events;
+  capture.events = remove_events(capture.events, capture.mask[0].logical_not());
 }
 
 /// Results of the stages so far.

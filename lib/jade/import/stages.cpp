@@ -71,11 +71,6 @@ void outdate(const fs::path& folder, const std::vector<Stage>& stages, size_t fr
 
 }  // namespace
 
-bool is_up_to_date(const fs::path& folder, const std::vector<Stage>& stages,
-                   const std::string& name) {
-  return is_kept(folder / name, keys_of(stages)[index_of(stages, name, "stage")]);
-}
-
 void run_stages(const fs::path& folder, const std::vector<Stage>& stages, const StageRange& range) {
   const std::vector<std::string> keys = keys_of(stages);
   size_t first = stages.size();

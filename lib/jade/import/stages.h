@@ -33,8 +33,4 @@ struct StageRange {
 void run_stages(const std::filesystem::path& folder, const std::vector<Stage>& stages,
                 const StageRange& range);
 
-/// Whether FOLDER/NAME contains the result for the current settings.
-bool is_up_to_date(const std::filesystem::path& folder, const std::vector<Stage>& stages,
-                   const std::string& name);
-
 }  // namespace jade::import

@@ -118,15 +118,11 @@ CameraResponseImpl::CameraResponseImpl() {
   }
 }
 
-torch::Tensor CameraResponseImpl::mlp(const torch::Tensor& values) {
-  torch::Tensor hidden = layer1(values.reshape({-1, 1})).relu();
+torch::Tensor CameraResponseImpl::exact(const torch::Tensor& image) {
+  torch::Tensor hidden = layer1(image.reshape({-1, 1})).relu();
   hidden = layer2(hidden).relu();
   hidden = layer3(hidden).relu();
-  return layer4(hidden).view(values.sizes());
-}
-
-torch::Tensor CameraResponseImpl::exact(const torch::Tensor& image) {
-  return (0.1 * mlp(image) + image).sigmoid();
+  return (0.1 * layer4(hidden).view(image.sizes()) + image).sigmoid();
 }
 
 torch::Tensor CameraResponseImpl::table() {
@@ -163,19 +159,6 @@ std::vector<torch::Tensor> CameraResponseImpl::apply_all(const std::vector<Respo
   }
   tensors.push_back(table);
   return LookupFunction::apply(at::TensorList(tensors), weights);
-}
-
-torch::Tensor CameraResponseImpl::apply(const torch::Tensor& image, const torch::Tensor& table) {
-  return apply_all({{image, {}}}, table)[0];
-}
-
-torch::Tensor CameraResponseImpl::mean(const torch::Tensor& images, const torch::Tensor& table,
-                                       const torch::Tensor& weights) {
-  JADE_CHECK(images.dim() > 1, "expected images [K,...], found ", shape_string(images));
-  if (weights.defined()) return apply_all({{images, weights}}, table)[0];
-  const auto count = static_cast<double>(images.size(0));
-  const auto options = table.options().requires_grad(false);
-  return apply_all({{images, torch::full({images.size(0)}, 1 / count, options)}}, table)[0];
 }
 
 }  // namespace jade::response

@@ -33,7 +33,7 @@ struct ResponseInput {
 /// the identity on [0,1]. The initialisation of DiET-GS differs from the identity by 0.007 on
 /// average and 0.034 at worst (near 0 and 1, where the sigmoid needs an unbounded logit).
 ///
-/// A step applies ρ to several whole images, yet ρ is a function of one number: forward()
+/// A step applies ρ to several whole images, yet ρ is a function of one number: apply_all()
 /// interpolates linearly in a table of ρ at 4097 knots over [0,2], which differs from the network
 /// by less than 1e-4 (tested). Gradients reach the parameters through the knots. A GPU runs one
 /// short kernel per call, for all images of the call.
@@ -52,27 +52,10 @@ class CameraResponseImpl : public torch::nn::Module {
   static std::vector<torch::Tensor> apply_all(const std::vector<ResponseInput>& inputs,
                                               const torch::Tensor& table);
 
-  /// ρ(image), element-wise, differentiable in the image and in the table.
-  static torch::Tensor apply(const torch::Tensor& image, const torch::Tensor& table);
-
-  /// Σ_k w_k ρ(images[k]): [K,...] → [...], without storing the individual ρ(images[k]).
-  /// @param weights  [K] on the images' device, constant; undefined: 1/K each.
-  static torch::Tensor mean(const torch::Tensor& images, const torch::Tensor& table,
-                            const torch::Tensor& weights = {});
-
-  torch::Tensor forward(const torch::Tensor& image, const torch::Tensor& table) {
-    return apply(image, table);
-  }
-  /// Computes a table for this call only.
-  torch::Tensor forward(const torch::Tensor& image) { return apply(image, table()); }
-
-  /// ρ computed by the MLP itself: slow, for tests.
+  /// ρ computed by the MLP itself, element-wise.
   torch::Tensor exact(const torch::Tensor& image);
 
   torch::nn::Linear layer1{nullptr}, layer2{nullptr}, layer3{nullptr}, layer4{nullptr};
-
- private:
-  torch::Tensor mlp(const torch::Tensor& values);
 };
 TORCH_MODULE(CameraResponse);
 

@@ -55,7 +55,7 @@ class RestorationCache {
   /// @param shape  expected shape of the image
   std::optional<torch::Tensor> find(const std::string& key, torch::IntArrayRef shape);
   /// The image, for any thread: does not wait for one that is being written, does not warn, and is
-  /// not counted by hits() and misses().
+  /// not counted by hits().
   std::optional<torch::Tensor> peek(const std::string& key, torch::IntArrayRef shape) const;
   /// Stores an image [C,H,W] for the next run, in half precision if it is given so, else as float,
   /// and prunes after every eighth of `max_mib`. The file is written on another thread. What this
@@ -69,7 +69,6 @@ class RestorationCache {
   void prune();
 
   int64_t hits() const { return hits_; }
-  int64_t misses() const { return misses_; }
   /// Whether the next run will find all that this object was asked for.
   bool is_complete() const { return is_on_ && misses_ == kept_; }
   /// Empty if the cache is off.

@@ -75,8 +75,6 @@ class ViewBank {
   torch::Tensor density(int64_t view) const { return density_[static_cast<size_t>(view)]; }
   bool has_efnet() const { return !middle_efnet_.empty(); }
 
-  /// Bytes of the first frame.
-  int64_t frame_bytes() const { return static_cast<int64_t>(frames_[0].nbytes()); }
   /// Bytes of the constants on the training device.
   ConstantBytes bytes_on_device() const;
 
