@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/core/median.h"
 #include "jade/events/stream_faults.h"
 #include "jade/io/npy.h"
 
@@ -87,12 +88,11 @@ void check_lengths(const FrameTimes& times, const std::string& path) {
     if (!time.sharp()) lengths.push_back(time.end_us - time.start_us);
   }
   if (lengths.empty()) return;
-  const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
-  if (double(*middle) <= events::kLongestExposureUs) return;
+  const auto length_us = double(median_of(std::move(lengths)));
+  if (length_us <= events::kLongestExposureUs) return;
   throw DataError(concat(path, ": expected exposures of at most ",
                          1e-6 * events::kLongestExposureUs, " s, found a median of ",
-                         1e-6 * double(*middle), " s in ", word_of(times.unit),
+                         1e-6 * length_us, " s in ", word_of(times.unit),
                          "; set dataset.time_unit to the unit of the file"));
 }
 
@@ -132,50 +132,17 @@ FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
 
 void check_apart(const std::vector<FrameTime>& times, const std::vector<std::string>& names,
                  const std::string& path, const Warnings& warnings) {
-  constexpr double kLargestOverlap = 0.05;  // of the frame period
-  constexpr double kMostOverlapping = 0.1;  // of the exposures
-  std::vector<size_t> exposed;
-  for (size_t i = 0; i < times.size(); ++i) {
-    if (!times[i].sharp()) exposed.push_back(i);
-  }
-  if (exposed.size() < 2) return;
+  std::vector<events::NamedWindow> exposed;
   std::vector<events::TimeWindow> windows;
-  for (const size_t i : exposed) windows.push_back({times[i].start_us, times[i].end_us});
+  for (size_t i = 0; i < times.size(); ++i) {
+    if (times[i].sharp()) continue;
+    windows.push_back({times[i].start_us, times[i].end_us});
+    exposed.push_back({names.at(i), windows.back()});
+  }
   if (const std::string fault = events::resolution_fault(windows); !fault.empty())
     warnings.add(path, ": ", fault);
-  std::stable_sort(exposed.begin(), exposed.end(), [&](size_t a, size_t b) {
-    return std::pair(times[a].start_us, times[a].end_us) <
-           std::pair(times[b].start_us, times[b].end_us);
-  });
-  std::vector<int64_t> steps;
-  for (size_t i = 1; i < exposed.size(); ++i) {
-    const FrameTime &a = times[exposed[i - 1]], &b = times[exposed[i]];
-    if (a.start_us == b.start_us && a.end_us == b.end_us) {
-      throw DataError(concat(path, ": expected an exposure of its own for each frame, found ",
-                             names.at(exposed[i - 1]), " and ", names.at(exposed[i]),
-                             " both exposed from ", a.start_us, " to ", a.end_us,
-                             " us; correct the times"));
-    }
-    steps.push_back(b.start_us - a.start_us);
-  }
-  const auto middle = steps.begin() + std::ptrdiff_t(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  const int64_t period_us = *middle;
-  size_t overlapping = 0, first = 0;
-  for (size_t i = 1; i < exposed.size(); ++i) {
-    const int64_t overlap_us = times[exposed[i - 1]].end_us - times[exposed[i]].start_us;
-    if (double(overlap_us) <= kLargestOverlap * double(period_us)) continue;
-    if (overlapping++ == 0) first = i;
-  }
-  if (overlapping == 0) return;
-  const size_t a = exposed[first - 1], b = exposed[first];
-  const std::string found =
-      concat(path, ": expected exposures that end before the next begins, found ", overlapping,
-             " of ", exposed.size(), " that overlap, as ", names.at(a), " (until ", times[a].end_us,
-             " us) and ", names.at(b), " (from ", times[b].start_us, " us), at a frame period of ",
-             period_us, " us; correct their lengths");
-  if (double(overlapping) > kMostOverlapping * double(exposed.size())) throw DataError(found);
-  warnings.add(found);
+  if (const std::string fault = events::overlap_fault(path, std::move(exposed)); !fault.empty())
+    warnings.add(fault);
 }
 
 std::string milliseconds_note(const FrameTimes& times, events::TimeUnit wanted,

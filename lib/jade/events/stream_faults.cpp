@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "jade/core/error.h"
+#include "jade/core/median.h"
 #include "jade/events/time_faults.h"
 
 namespace jade::events {
@@ -19,10 +20,11 @@ constexpr double kJumpUs = 10000;
 /// Share of a step back that one step ahead beside it undoes if a single time is damaged.
 constexpr double kUndone = 0.9;
 
-int64_t median_of(std::vector<int64_t> values) {
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+void sort_by_time(std::vector<NamedWindow>& exposures) {
+  std::stable_sort(exposures.begin(), exposures.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.window.begin_us, a.window.end_us) <
+           std::pair(b.window.begin_us, b.window.end_us);
+  });
 }
 
 double ms(int64_t us) { return 1e-3 * double(us); }
@@ -214,6 +216,43 @@ DistinctEvents without_copies(const EventStream& events) {
   return {
       {chosen(events.x()), chosen(events.y()), chosen(events.t_us()), chosen(events.polarity())},
       copies};
+}
+
+int64_t frame_period_us(std::vector<NamedWindow> exposures) {
+  sort_by_time(exposures);
+  std::vector<int64_t> steps;
+  for (size_t i = 1; i < exposures.size(); ++i)
+    steps.push_back(exposures[i].window.begin_us - exposures[i - 1].window.begin_us);
+  return median_of(std::move(steps));
+}
+
+std::string overlap_fault(const std::string& path, std::vector<NamedWindow> exposures) {
+  constexpr double kLargestOverlap = 0.05;  // of the frame period
+  constexpr double kMostOverlapping = 0.1;  // of the exposures, for example after a late time stamp
+  if (exposures.size() < 2) return "";
+  sort_by_time(exposures);
+  const int64_t period_us = frame_period_us(exposures);
+  size_t overlapping = 0, first = 0;
+  for (size_t i = 1; i < exposures.size(); ++i) {
+    const TimeWindow &a = exposures[i - 1].window, &b = exposures[i].window;
+    if (a.begin_us == b.begin_us && a.end_us == b.end_us) {
+      throw DataError(concat(path, ": expected an exposure of its own for each frame, found ",
+                             exposures[i - 1].name, " and ", exposures[i].name,
+                             " both exposed from ", a.begin_us, " to ", a.end_us,
+                             " us; correct the times"));
+    }
+    if (double(a.end_us - b.begin_us) <= kLargestOverlap * double(period_us)) continue;
+    if (overlapping++ == 0) first = i;
+  }
+  if (overlapping == 0) return "";
+  const NamedWindow &a = exposures[first - 1], &b = exposures[first];
+  const std::string found =
+      concat(path, ": expected exposures that end before the next begins, found ", overlapping,
+             " of ", exposures.size(), " that overlap, as ", a.name, " (until ", a.window.end_us,
+             " us) and ", b.name, " (from ", b.window.begin_us, " us), at a frame period of ",
+             period_us, " us; correct their lengths");
+  if (double(overlapping) > kMostOverlapping * double(exposures.size())) throw DataError(found);
+  return found;
 }
 
 void ClockOrder::add(int64_t t_us) {

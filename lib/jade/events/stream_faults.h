@@ -46,6 +46,21 @@ struct DistinctEvents {
 /// repetitions stay: with rounded times a pixel may fire twice at once. CPU streams only.
 DistinctEvents without_copies(const EventStream& events);
 
+/// An exposure, with the name of its frame.
+struct NamedWindow {
+  std::string name;
+  TimeWindow window;
+};
+
+/// Median time from the begin of an exposure to that of the next. Two or more, in any order.
+int64_t frame_period_us(std::vector<NamedWindow> exposures);
+
+/// A fault of exposures that one sensor cannot have taken: some overlap the next by more than 5 %
+/// of the frame period, which rounding cannot explain. Empty otherwise.
+/// @param path  of the times, for messages
+/// @throws DataError if two are the same, or if more than a tenth of them overlap.
+std::string overlap_fault(const std::string& path, std::vector<NamedWindow> exposures);
+
 /// Follows event times in the order of a file, and finds where they go back.
 class ClockOrder {
  public:

@@ -10,6 +10,7 @@
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
+#include "jade/core/median.h"
 #include "jade/core/progress.h"
 #include "jade/data/threshold_estimate.h"
 #include "jade/imaging/range.h"
@@ -18,7 +19,6 @@
 #include "jade/import/exposure_length.h"
 #include "jade/import/flipped_events.h"
 #include "jade/import/frame_gains.h"
-#include "jade/import/median.h"
 
 namespace jade::import {
 namespace {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "jade/import/median.h"
+#include "jade/core/median.h"
 
 namespace jade::import {
 namespace {

@@ -5,17 +5,16 @@
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <optional>
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/median.h"
 #include "jade/data/masks.h"
 #include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
-#include "jade/import/median.h"
 
 namespace jade::import {
 namespace {

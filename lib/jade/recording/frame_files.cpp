@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "jade/core/error.h"
+#include "jade/core/median.h"
+#include "jade/events/stream_faults.h"
 #include "jade/events/time_unit.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/range.h"
@@ -40,11 +42,6 @@ void check_one_size(const std::vector<FrameFile>& files, const std::vector<Frame
                            "; all frames must have one size"));
   }
 }
-
-/// Tolerated overlap of two exposures relative to the frame period, because both are rounded.
-constexpr double kLargestOverlap = 0.05;
-/// Share of the frames that may overlap by more, for example after a late time stamp.
-constexpr double kMostOverlapping = 0.1;
 
 std::string name_of(const FrameFile& file) { return file.path.filename().string(); }
 
@@ -99,16 +96,15 @@ const NamedExposure& line_of(const fs::path& frame, const Rows& rows, const fs::
 }
 
 /// @throws DataError for exposures that are too long to be whole µs.
-void check_length(const fs::path& list, const std::vector<const FrameFile*>& exposed,
-                  int64_t period_us) {
+void check_lengths(const fs::path& list, const std::vector<events::NamedWindow>& exposed) {
   std::vector<int64_t> lengths;
-  for (const FrameFile* file : exposed) lengths.push_back(file->time->duration_us());
-  const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
-  if (!events::is_too_slow(double(*middle), double(period_us))) return;
+  for (const events::NamedWindow& each : exposed) lengths.push_back(each.window.duration_us());
+  const auto length_us = double(median_of(std::move(lengths)));
+  const auto period_us = double(events::frame_period_us(exposed));
+  if (!events::is_too_slow(length_us, period_us)) return;
   throw DataError(concat(list.string(), ": expected exposures in whole us, found ",
-                         1e-6 * double(*middle), " s as the median length, at a frame period of ",
-                         1e-6 * double(period_us),
+                         1e-6 * length_us, " s as the median length, at a frame period of ",
+                         1e-6 * period_us,
                          " s; if the times are in nanoseconds, divide them by 1000"));
 }
 
@@ -154,43 +150,14 @@ void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exp
 }
 
 void check_apart(const fs::path& list, const std::vector<FrameFile>& files, Recording& recording) {
-  std::vector<const FrameFile*> exposed;
+  std::vector<events::NamedWindow> exposed;
   for (const FrameFile& file : files) {
-    if (file.time && file.time->duration_us() > 0) exposed.push_back(&file);
+    if (file.time && file.time->duration_us() > 0) exposed.push_back({name_of(file), *file.time});
   }
   if (exposed.size() < 2) return;
-  std::stable_sort(exposed.begin(), exposed.end(), [](const FrameFile* a, const FrameFile* b) {
-    return a->time->begin_us < b->time->begin_us;
-  });
-  std::vector<int64_t> steps;
-  for (size_t i = 1; i < exposed.size(); ++i) {
-    const FrameFile &a = *exposed[i - 1], &b = *exposed[i];
-    if (a.time->begin_us == b.time->begin_us && a.time->end_us == b.time->end_us) {
-      throw DataError(concat(list.string(),
-                             ": expected an exposure of its own for each frame, found ", name_of(a),
-                             " and ", name_of(b), " both exposed from ", a.time->begin_us, " to ",
-                             a.time->end_us, " us; correct the list"));
-    }
-    steps.push_back(b.time->begin_us - a.time->begin_us);
-  }
-  std::nth_element(steps.begin(), steps.begin() + int64_t(steps.size() / 2), steps.end());
-  const int64_t period_us = steps[steps.size() / 2];
-  check_length(list, exposed, period_us);
-  const FrameFile *first = nullptr, *second = nullptr;
-  size_t overlapping = 0;
-  for (size_t i = 1; i < exposed.size(); ++i) {
-    const int64_t overlap_us = exposed[i - 1]->time->end_us - exposed[i]->time->begin_us;
-    if (double(overlap_us) <= kLargestOverlap * double(period_us)) continue;
-    if (overlapping++ == 0) first = exposed[i - 1], second = exposed[i];
-  }
-  if (overlapping == 0) return;
-  const std::string found =
-      concat(list.string(), ": expected exposures that end before the next begins, found ",
-             overlapping, " of ", exposed.size(), " that overlap, as ", name_of(*first), " (until ",
-             first->time->end_us, " us) and ", name_of(*second), " (from ", second->time->begin_us,
-             " us), at a frame period of ", period_us, " us; correct their lengths");
-  if (double(overlapping) > kMostOverlapping * double(exposed.size())) throw DataError(found);
-  recording.warnings.push_back(found);
+  check_lengths(list, exposed);
+  const std::string fault = events::overlap_fault(list.string(), std::move(exposed));
+  if (!fault.empty()) recording.warnings.push_back(fault);
 }
 
 std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files, int64_t ahead_us) {

@@ -4,14 +4,15 @@
 #include <algorithm>
 #include <vector>
 
-namespace jade::import {
+namespace jade {
 
 /// The upper one of two middle values; 0 of none.
-inline double median_of(std::vector<double> values) {
+template <class T>
+T median_of(std::vector<T> values) {
   if (values.empty()) return 0;
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
 
-}  // namespace jade::import
+}  // namespace jade
