@@ -4,7 +4,6 @@
 #include <charconv>
 #include <cmath>
 
-#include "jade/core/error.h"
 #include "jade/core/readable.h"
 
 namespace jade::config {

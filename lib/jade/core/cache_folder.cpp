@@ -2,7 +2,6 @@
 #include "jade/core/cache_folder.h"
 
 #include <cstdlib>
-#include <string>
 
 namespace jade {
 

@@ -3,7 +3,6 @@
 
 #include <csignal>
 #include <cstdint>
-#include <ctime>
 #include <unistd.h>
 
 #include "jade/core/error.h"

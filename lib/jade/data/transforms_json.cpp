@@ -5,7 +5,6 @@
 #include <cctype>
 #include <cmath>
 #include <initializer_list>
-#include <iterator>
 #include <utility>
 
 #include "jade/core/atomic_file.h"

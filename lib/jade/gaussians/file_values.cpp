@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/gaussians/file_values.h"
 
-#include <cstring>
 #include <limits>
 #include <tuple>
 

@@ -4,11 +4,9 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "jade/core/check.h"
 #include "jade/core/log.h"
-#include "jade/core/random.h"
 #include "jade/core/readable.h"
 #include "jade/gaussians/neighbours.h"
 #include "jade/gaussians/plane_sweep.h"

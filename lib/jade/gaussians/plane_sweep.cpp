@@ -6,10 +6,7 @@
 #include <ATen/ops/rand.h>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <limits>
-
-#include "jade/core/check.h"
 
 namespace jade::gaussians {
 namespace {

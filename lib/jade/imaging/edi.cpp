@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <torch/types.h>
-#include <vector>
 
 #include "jade/core/check.h"
 

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <optional>
-#include <torch/types.h>
 
 #include "jade/core/error.h"
 #include "jade/data/event_flip.h"

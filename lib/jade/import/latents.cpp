@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <functional>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <torch/types.h>
 

@@ -10,7 +10,6 @@
 #include "jade/data/evdeblur_writer.h"
 #include "jade/data/frames.h"
 #include "jade/data/masks.h"
-#include "jade/data/warnings.h"
 #include "jade/geometry/trajectory.h"
 #include "jade/imaging/image_io.h"
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Recordings that scripts/read_recording.py converts to a folder.
-#include <fstream>
 #include <sstream>
 #include <string>
 #include <vector>

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <fstream>
 #include <string>
-#include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"

@@ -5,7 +5,6 @@
 #include <torch/types.h>
 #include <utility>
 
-#include "jade/core/error.h"
 #include "jade/events/ramps.h"
 #include "jade/imaging/edi.h"
 

@@ -15,7 +15,6 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/digest.h"
-#include "jade/core/log.h"
 #include "jade/geometry/origin.h"
 
 namespace jade::run {

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <torch/cuda.h>
 #include <torch/types.h>
 #include <utility>

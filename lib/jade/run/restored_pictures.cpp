@@ -3,12 +3,10 @@
 
 #include <chrono>
 #include <nlohmann/json.hpp>
-#include <utility>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
-#include "jade/geometry/quadrature.h"
 #include "jade/restore/restorations.h"
 #include "jade/serve/render_queue.h"
 

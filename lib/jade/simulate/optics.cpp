@@ -2,7 +2,6 @@
 #include "jade/simulate/optics.h"
 
 #include <ATen/Parallel.h>
-#include <algorithm>
 #include <cmath>
 
 #include "jade/core/random.h"

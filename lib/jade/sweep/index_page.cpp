@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 
 #include "jade/core/atomic_file.h"
-#include "jade/core/error.h"
 #include "jade/page/page.h"
 #include "jade/sweep/cell_text.h"
 #include "jade/sweep/results.h"

@@ -8,7 +8,6 @@
 #include <thread>
 #include <unistd.h>
 
-#include "jade/core/atomic_file.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 

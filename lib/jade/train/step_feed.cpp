@@ -2,7 +2,6 @@
 #include "jade/train/step_feed.h"
 
 #include <algorithm>
-#include <numeric>
 #include <optional>
 #include <torch/types.h>
 

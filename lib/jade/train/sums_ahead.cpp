@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <torch/types.h>
-#include <utility>
 
 namespace jade::train {
 

@@ -4,7 +4,6 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <array>
-#include <utility>
 
 namespace jade::world {
 namespace {

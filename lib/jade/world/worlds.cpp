@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/world/worlds.h"
 
-#include <utility>
-
 #include "jade/core/error.h"
 
 namespace jade::world {
