@@ -10,6 +10,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/data/frame_times.h"
 #include "jade/data/frames.h"
 #include "jade/data/named_files.h"

@@ -140,14 +140,6 @@ bool same_place(const geometry::Pose& a, const geometry::Pose& b, double near) {
 
 }  // namespace
 
-std::string listing(const std::vector<std::string>& names, size_t most) {
-  std::string text;
-  const size_t shown = names.size() > most ? most : names.size();
-  for (size_t i = 0; i < shown; ++i) text += (i == 0 ? "" : ", ") + names[i];
-  if (names.size() > shown) text += concat(" and ", names.size() - shown, " more");
-  return text;
-}
-
 int64_t exposure_of(const Dataset& dataset, const SharpView& view) {
   if (!view.has_time()) return -1;
   for (size_t i = 0; i < dataset.train.size(); ++i) {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/event_file.h"
 #include "jade/data/frame_times.h"

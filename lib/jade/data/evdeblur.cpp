@@ -5,13 +5,13 @@
 #include <cmath>
 #include <cstdlib>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <sstream>
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/data/bayer.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/event_file.h"

@@ -8,6 +8,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/data/named_files.h"
 #include "jade/events/event_files.h"
 #include "jade/events/stream_faults.h"

@@ -12,6 +12,7 @@
 #include "jade/core/error.h"
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
+#include "jade/core/text.h"
 #include "jade/data/named_files.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/accents.h"

@@ -2,8 +2,8 @@
 #include "jade/data/named_files.h"
 
 #include <algorithm>
-#include <cctype>
 
+#include "jade/core/text.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/accents.h"
 #include "jade/io/uri.h"
@@ -53,12 +53,6 @@ fs::path near_folder(const fs::path& folder, const fs::path& name) {
 }
 
 }  // namespace
-
-std::string in_small_letters(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char letter) { return char(std::tolower(letter)); });
-  return text;
-}
 
 std::optional<size_t> place_of(const std::string& name, const std::vector<std::string>& names) {
   const auto exact = std::find(names.begin(), names.end(), name);

@@ -22,9 +22,6 @@ void tell_respelled(const std::filesystem::path& list, const std::vector<std::st
 /// and decomposed accents. No value if there is none.
 std::optional<size_t> place_of(const std::string& name, const std::vector<std::string>& names);
 
-/// The text in lower case, to compare names without case. Letters beyond ASCII stay.
-std::string in_small_letters(std::string text);
-
 /// The entry `name` of a folder, or the first in order that differs only by case; `folder / name`
 /// if there is none. Empty folders do not count.
 std::filesystem::path in_any_case(const std::filesystem::path& folder, const std::string& name);

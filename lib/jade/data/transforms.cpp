@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/frames.h"
 #include "jade/data/named_files.h"

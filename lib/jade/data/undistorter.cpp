@@ -9,6 +9,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/events/warp.h"
 #include "jade/geometry/rectification.h"
 #include "jade/imaging/warp.h"

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "jade/core/text.h"
 #include "jade/data/named_files.h"
 
 namespace jade::data {

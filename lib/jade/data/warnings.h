@@ -22,7 +22,4 @@ class Warnings {
   std::vector<std::string>* lines_;
 };
 
-/// "a, b, c and 4 more".
-std::string listing(const std::vector<std::string>& names, size_t most = 8);
-
 }  // namespace jade::data

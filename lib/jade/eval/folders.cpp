@@ -8,6 +8,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/core/text.h"
 #include "jade/imaging/image_io.h"
 
 namespace jade::eval {
@@ -62,17 +63,12 @@ std::map<std::string, fs::path> images_by_name(const fs::path& folder) {
 /// @param unused  by name
 void warn_of_unused(const fs::path& renders, const std::map<std::string, fs::path>& unused,
                     size_t all) {
-  constexpr size_t kNamed = 5;
   if (unused.empty()) return;
-  std::string names;
-  size_t named = 0;
-  for (const auto& [name, path] : unused) {
-    if (named == kNamed) break;
-    names += (named++ == 0 ? "" : ", ") + path.filename().string();
-  }
-  if (unused.size() > named) names += concat(" and ", unused.size() - named, " more");
+  std::vector<std::string> names;
+  for (const auto& [name, path] : unused) names.push_back(path.filename().string());
   log_warn(concat(renders.string(), ": expected a truth for each of ", all, " renders, found none ",
-                  "for ", names, ", which are not scored; add truths or remove the renders"));
+                  "for ", listing(names, 5),
+                  ", which are not scored; add truths or remove the renders"));
 }
 
 }  // namespace

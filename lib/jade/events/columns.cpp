@@ -8,6 +8,7 @@
 #include <map>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 
 namespace jade::events {
 namespace {
@@ -22,10 +23,7 @@ std::string plain_word(const std::string& name) {
   constexpr const char* kAround = " \t\r\"'#%";
   const size_t begin = name.find_first_not_of(kAround);
   if (begin == std::string::npos) return "";
-  std::string out = name.substr(begin, name.find_last_not_of(kAround) + 1 - begin);
-  std::transform(out.begin(), out.end(), out.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return out;
+  return in_small_letters(name.substr(begin, name.find_last_not_of(kAround) + 1 - begin));
 }
 
 struct ColumnRange {

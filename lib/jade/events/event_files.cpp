@@ -4,15 +4,15 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <atomic>
-#include <cctype>
 #include <cmath>
 #include <fstream>
 #include <limits>
 #include <torch/types.h>
 
-#include "jade/core/check.h"
+#include "jade/core/error.h"
 #include "jade/core/machine_memory.h"
 #include "jade/core/readable.h"
+#include "jade/core/text.h"
 #include "jade/events/event_group.h"
 #include "jade/events/raw_events.h"
 #include "jade/events/stream_faults.h"
@@ -30,18 +30,14 @@ enum class EventFileKind { kHdf5, kNpz, kNpy, kText };
 /// Whether the name is that of text, which gzip may have compressed.
 bool is_list_of_text(std::filesystem::path name) {
   if (name.extension() == ".gz") name.replace_extension();
-  std::string ending = name.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = in_small_letters(name.extension().string());
   return ending == ".txt" || ending == ".csv" || ending == ".tsv";
 }
 
 /// Recognised by its first bytes, because data sets use several extensions for one format; text by
 /// its extension.
 EventFileKind file_kind(const std::filesystem::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = in_small_letters(path.extension().string());
   std::ifstream file(path, std::ios::binary);
   char head[6] = {};
   file.read(head, sizeof head);

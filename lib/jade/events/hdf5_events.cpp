@@ -3,7 +3,6 @@
 // expelliarmus), or a table of four columns (v2e, MVSEC).
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <map>
 #include <memory>
 #include <optional>
@@ -12,6 +11,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/text.h"
 #include "jade/events/columns.h"
 #include "jade/events/raw_events.h"
 #include "jade/events/time_faults.h"
@@ -60,10 +60,7 @@ bool is_complete(const std::array<std::string, 4>& names) {
 bool is_event_table(const io::Hdf5Dataset& dataset, bool alone) {
   if (dataset.shape.size() != 2 || !(dataset.integer || dataset.floating)) return false;
   if (dataset.shape[0] != 4 && dataset.shape[1] != 4) return false;
-  std::string name = dataset.name;
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return alone || name.find("event") != std::string::npos;
+  return alone || in_small_letters(dataset.name).find("event") != std::string::npos;
 }
 
 /// All streams of a file: those nearest to the root first, then by name.
@@ -106,16 +103,12 @@ std::string listed_names(const std::vector<Hdf5Stream>& streams) {
 }
 
 [[noreturn]] void fail_without_events(const io::Hdf5File& file) {
-  constexpr size_t kMostNames = 12;
-  std::string found;
-  const size_t count = file.datasets().size();
-  for (size_t i = 0; i < std::min(count, kMostNames); ++i)
-    found += (found.empty() ? "" : ", ") + file.datasets()[i].name;
-  if (count > kMostNames) found += concat(" and ", count - kMostNames, " more");
+  std::vector<std::string> found;
+  for (const io::Hdf5Dataset& dataset : file.datasets()) found.push_back(dataset.name);
   throw DataError(concat(file.path().string(),
                          ": expected event arrays x, y, t and p in one group, records of these, or "
                          "a table of events [N,4], found ",
-                         found.empty() ? "no data set" : found));
+                         found.empty() ? "no data set" : listing(found, 12)));
 }
 
 /// The requested stream, by its name or that of a group that contains only one.

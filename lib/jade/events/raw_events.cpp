@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/events/columns.h"
 #include "jade/events/time_faults.h"
 #include "jade/io/npy_fields.h"
@@ -67,16 +68,12 @@ RawEvents from_table(const std::filesystem::path& path, const torch::Tensor& giv
 RawEvents from_records(const std::filesystem::path& path, const io::NamedTensors& fields) {
   if (fields.size() == 1 && fields[0].first.empty()) return from_table(path, fields[0].second);
   std::vector<std::string> names;
-  std::string found;
-  for (const auto& [name, values] : fields) {
-    names.push_back(name);
-    found += (found.empty() ? "" : ", ") + name;
-  }
+  for (const auto& [name, values] : fields) names.push_back(name);
   const auto c = named_columns(names);
   if (!c) {
     throw DataError(concat(path.string(),
-                           ": expected records with the fields x, y, t and p, found ", found, "; ",
-                           kNameArrays));
+                           ": expected records with the fields x, y, t and p, found ",
+                           listing(names), "; ", kNameArrays));
   }
   const auto field = [&](size_t i) { return fields[(*c)[i]].second; };
   RawEvents out = from_columns(path, field(0), field(1), field(2), field(3));

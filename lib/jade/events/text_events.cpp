@@ -12,6 +12,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/text.h"
 #include "jade/events/columns.h"
 #include "jade/events/raw_events.h"
 #include "jade/io/gzip.h"
@@ -78,9 +79,7 @@ bool separates(char c) {
 
 /// 1 and 0 for the words of a polarity.
 std::optional<double> polarity_word(const char* begin, const char* end) {
-  std::string word(begin, std::min<size_t>(size_t(end - begin), 6));
-  std::transform(word.begin(), word.end(), word.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
+  const std::string word = in_small_letters({begin, std::min<size_t>(size_t(end - begin), 6)});
   if (word == "on" || word == "true") return 1;
   if (word == "off" || word == "false") return 0;
   return std::nullopt;

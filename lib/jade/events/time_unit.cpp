@@ -2,13 +2,13 @@
 #include "jade/events/time_unit.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <initializer_list>
 #include <torch/types.h>
 #include <tuple>
 
 #include "jade/core/check.h"
+#include "jade/core/text.h"
 
 namespace jade::events {
 namespace {
@@ -81,8 +81,7 @@ bool is_too_slow(double length_us, double period_us) {
 }
 
 std::optional<TimeUnit> unit_of_word(std::string word) {
-  std::transform(word.begin(), word.end(), word.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
+  word = in_small_letters(word);
   // The two UTF-8 spellings of µ.
   for (const char* const micro : {"\xC2\xB5", "\xCE\xBC"}) {
     if (word.rfind(micro, 0) == 0) word.replace(0, 2, "u");

@@ -12,6 +12,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
+#include "jade/core/text.h"
 #include "jade/imaging/image_header.h"
 #include "jade/io/npy.h"
 #include "jade/io/stand_in.h"
@@ -21,12 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string extension(const fs::path& path) {
-  std::string out = path.extension().string();
-  std::transform(out.begin(), out.end(), out.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return out;
-}
+std::string extension(const fs::path& path) { return in_small_letters(path.extension().string()); }
 
 bool is_image_extension(const std::string& name) {
   static const std::set<std::string> known{".png", ".jpg",  ".jpeg", ".tif", ".tiff",

@@ -2,11 +2,11 @@
 #include "jade/imaging/unread_images.h"
 
 #include <algorithm>
-#include <cctype>
 #include <map>
 #include <set>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 
 namespace jade::imaging {
 
@@ -22,9 +22,7 @@ std::string unread_images(const fs::path& folder) {
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     std::error_code ignored;
-    std::string kind = entry->path().extension().string();
-    std::transform(kind.begin(), kind.end(), kind.begin(),
-                   [](unsigned char letter) { return char(std::tolower(letter)); });
+    const std::string kind = in_small_letters(entry->path().extension().string());
     const std::string name = entry->path().filename().string();
     const bool hidden = name[0] == '.' || name == "Thumbs.db" || name == "desktop.ini";
     if (!hidden && others.count(kind) == 0 && entry->is_regular_file(ignored)) ++counts[kind];

@@ -9,6 +9,7 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
+#include "jade/core/text.h"
 #include "jade/data/warnings.h"
 #include "jade/events/warp.h"
 #include "jade/imaging/warp.h"
@@ -40,7 +41,7 @@ void warn_of_unused(const Calibration& calibration) {
   if (calibration.unused.empty()) return;
   const bool rig = calibration.second_from_first.has_value();
   log_warn(concat(calibration.path.string(), ": expected cam0 (of the frames) and cam1 (of the ",
-                  "events) at most, found ", data::listing(calibration.unused, 4), " too; ",
+                  "events) at most, found ", listing(calibration.unused, 4), " too; ",
                   rig ? "cam0 and cam1 are" : "cam0 is",
                   " used, keep only the cameras of this recording, as cam0 and cam1"));
 }

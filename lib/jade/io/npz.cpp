@@ -4,6 +4,7 @@
 
 #include "jade/core/check.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/io/npy.h"
 #include "jade/io/npy_fields.h"
 #include "jade/io/npy_format.h"
@@ -21,10 +22,9 @@ struct NpzEntry {
 
 NpzEntry entry_of(const std::filesystem::path& path, const Npz& archive, const std::string& name) {
   if (!archive.has(name)) {
-    std::string found;
-    for (const std::string& known : archive.names()) found += (found.empty() ? "" : ", ") + known;
+    const std::vector<std::string>& found = archive.names();
     throw DataError(concat(path.string(), ": expected an array '", name, "', found ",
-                           found.empty() ? "none" : found));
+                           found.empty() ? "none" : listing(found, found.size())));
   }
   return {Zip(path, kNpzWords).read(name + ".npy"), concat(path.string(), "[", name, "]")};
 }

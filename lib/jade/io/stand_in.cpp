@@ -2,12 +2,12 @@
 #include "jade/io/stand_in.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 
 namespace jade::io {
 namespace {
@@ -19,9 +19,7 @@ constexpr size_t kHeadBytes = 1024;
 bool is_web_page(std::string_view head) {
   const size_t first = head.find_first_not_of("\xEF\xBB\xBF \t\r\n");
   if (first == std::string_view::npos) return false;
-  std::string start(head.substr(first, 14));
-  std::transform(start.begin(), start.end(), start.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
+  const std::string start = in_small_letters(std::string(head.substr(first, 14)));
   return start.rfind("<!doctype html", 0) == 0 || start.rfind("<html", 0) == 0;
 }
 

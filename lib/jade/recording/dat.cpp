@@ -4,8 +4,6 @@
 // and polarity.
 #include <algorithm>
 #include <array>
-#include <cctype>
-#include <cstring>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -14,6 +12,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/text.h"
 #include "jade/events/stream_faults.h"
 #include "jade/recording/contents.h"
 
@@ -42,8 +41,7 @@ DatHeader read_dat_header(const fs::path& path) {
     std::istringstream words(line);
     std::string percent, key;
     words >> percent >> key;
-    std::transform(key.begin(), key.end(), key.begin(),
-                   [](unsigned char c) { return char(std::tolower(c)); });
+    key = in_small_letters(key);
     if (key == "width") words >> header.width;
     if (key == "height") words >> header.height;
     if (key == "version") words >> header.version;

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <charconv>
 #include <initializer_list>
 #include <set>
@@ -11,6 +10,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/io/text.h"
 #include "jade/recording/contents.h"
 
@@ -69,10 +69,7 @@ enum class Third { kEnd, kLength };
 
 /// @throws DataError naming an unknown column.
 Third read_header(const std::string& at, std::array<std::string, 3> columns) {
-  for (std::string& name : columns) {
-    std::transform(name.begin(), name.end(), name.begin(),
-                   [](unsigned char c) { return char(std::tolower(c)); });
-  }
+  for (std::string& name : columns) name = in_small_letters(name);
   if (is_one_of(columns[1], {"start_us", "start", "begin_us", "begin", "t_start_us", "t_start"})) {
     if (is_one_of(columns[2], {"end_us", "end", "stop_us", "stop", "t_end_us", "t_end"}))
       return Third::kEnd;

@@ -2,12 +2,12 @@
 #include "jade/recording/format.h"
 
 #include <algorithm>
-#include <cctype>
 #include <fstream>
 #include <string>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/io/colmap.h"
 #include "jade/io/gzip.h"
 #include "jade/io/stand_in.h"
@@ -102,10 +102,8 @@ void refuse_foreign(const fs::path& path, const std::string& head) {
 
 /// Ending in lower case, without that of gzip.
 std::string ending_of(const fs::path& path, bool is_packed) {
-  std::string kind = (is_packed && path.extension() == ".gz" ? path.stem() : path).extension();
-  std::transform(kind.begin(), kind.end(), kind.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return kind;
+  const fs::path name = is_packed && path.extension() == ".gz" ? path.stem() : path;
+  return in_small_letters(name.extension().string());
 }
 
 Format file_format(const fs::path& path) {

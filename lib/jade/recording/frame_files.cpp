@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/core/median.h"
 #include "jade/events/stream_faults.h"
 #include "jade/events/time_unit.h"
@@ -71,10 +72,7 @@ using Rows = std::vector<const NamedExposure*>;
 /// File name with its ending in small letters, as cameras and lists differ in them: "a.PNG",
 /// "a.png".
 std::string key_of(const fs::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return path.stem().string() + ending;
+  return path.stem().string() + in_small_letters(path.extension().string());
 }
 
 /// The line of a frame among those with its file name, which lists of several cameras repeat.

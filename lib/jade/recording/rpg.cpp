@@ -11,6 +11,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/accents.h"
 #include "jade/io/text.h"
@@ -27,13 +28,6 @@ namespace fs = std::filesystem;
 bool stays_inside(const fs::path& name) {
   return name.is_relative() &&
          std::none_of(name.begin(), name.end(), [](const fs::path& part) { return part == ".."; });
-}
-
-/// In lower case; letters beyond ASCII stay.
-std::string in_small_letters(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char letter) { return char(std::tolower(letter)); });
-  return text;
 }
 
 /// Images of a folder without images.txt; another list must contain their times.

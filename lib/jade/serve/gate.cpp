@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 
 namespace jade::serve {
 namespace {
@@ -23,13 +24,6 @@ std::string name_of(const std::string& host) {
 }
 
 /// Host names are case-insensitive; browsers send lower case.
-std::string in_small_letters(std::string name) {
-  for (char& c : name) {
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
-  return name;
-}
-
 std::string machine_name() {
   std::array<char, 256> name{};
   return gethostname(name.data(), name.size() - 1) == 0 ? in_small_letters(name.data()) : "";

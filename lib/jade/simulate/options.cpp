@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/world/worlds.h"
 
 namespace jade::simulate {
@@ -36,9 +37,8 @@ void validate(const SimulateRun& run) {
   const SimulateOptions& o = run.simulate;
   const auto names = world::world_names();
   if (o.source == Source::kWorld && std::find(names.begin(), names.end(), o.world) == names.end()) {
-    std::string known;
-    for (const auto& name : names) known += (known.empty() ? "" : ", ") + name;
-    throw ConfigError(concat("simulate.world: expected one of ", known, "; found '", o.world, "'"));
+    throw ConfigError(concat("simulate.world: expected one of ", listing(names, names.size()),
+                             "; found '", o.world, "'"));
   }
   if (o.source != Source::kWorld && o.path.empty()) {
     throw ConfigError(concat("simulate.path: source '", word_of(o.source),

@@ -8,6 +8,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/readable.h"
+#include "jade/core/text.h"
 
 namespace jade::sweep {
 
@@ -97,9 +98,8 @@ std::vector<std::string> quoted_scenes(const Table& table) {
 
 std::string average_title(const Table& table) {
   if (table.scenes.size() == 1) return table.scenes.front();
-  std::string scenes;
-  for (const std::string& scene : table.scenes) scenes += (scenes.empty() ? "" : ", ") + scene;
-  return concat("Average over ", table.scenes.size(), " scenes (", scenes, ")");
+  return concat("Average over ", table.scenes.size(), " scenes (",
+                listing(table.scenes, table.scenes.size()), ")");
 }
 
 }  // namespace jade::sweep

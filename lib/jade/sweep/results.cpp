@@ -10,6 +10,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/readable.h"
+#include "jade/core/text.h"
 #include "jade/sweep/task.h"
 
 namespace jade::sweep {
@@ -140,11 +141,9 @@ void remark_gaps(Table& table) {
         lacking.push_back(Run::concat_id(run.row, run.scene, run.seed));
     }
     if (lacking.empty()) continue;
-    std::string who = lacking.size() == finished ? "all finished runs" : "";
-    if (who.empty()) {
-      for (const std::string& id : lacking) who += (who.empty() ? "" : ", ") + id;
-    }
-    table.remarks.push_back(concat(column.key, ": not measured by ", who));
+    table.remarks.push_back(concat(
+        column.key, ": not measured by ",
+        lacking.size() == finished ? "all finished runs" : listing(lacking, lacking.size())));
   }
 }
 
@@ -167,17 +166,14 @@ void gather_machines(const Plan& plan, const SweepOutput& output, Table& table) 
 
 /// Other sweeps may share the folder, so their runs are summarised in one line.
 void remark_strangers(const std::set<std::string>& known, const SweepOutput& output, Table& table) {
-  constexpr int kNamed = 5;
-  std::string names;
-  int count = 0;
+  std::vector<std::string> others;
   for (const std::string& id : output.present()) {
-    if (known.count(id)) continue;
-    if (++count <= kNamed) names += (names.empty() ? "" : ", ") + id;
+    if (!known.count(id)) others.push_back(id);
   }
-  if (count == 0) return;
-  table.remarks.push_back(concat(
-      "not in the table, because they are no part of this sweep, though in its folder: ", names,
-      count > kNamed ? concat(" and ", count - kNamed, " more") : ""));
+  if (others.empty()) return;
+  table.remarks.push_back(
+      concat("not in the table, because they are no part of this sweep, though in its folder: ",
+             listing(others, 5)));
 }
 
 }  // namespace

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/core/text.h"
+
+#include "support/catch.h"
+
+using namespace jade;
+
+TEST_CASE("text: only ASCII letters change case", "[core]") {
+  CHECK(in_small_letters("Frame_01.PNG, É") == "frame_01.png, É");
+}
+
+TEST_CASE("text: a listing names the first, and counts the others", "[core]") {
+  CHECK(listing({}).empty());
+  CHECK(listing({"", "b"}) == ", b");
+  CHECK(listing({"a", "b"}, 2) == "a, b");
+  CHECK(listing({"a", "b", "c", "d"}, 2) == "a, b and 2 more");
+}
