@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "jade/core/error.h"
-#include "jade/core/text.h"
 #include "jade/core/median.h"
+#include "jade/core/text.h"
 #include "jade/events/stream_faults.h"
 #include "jade/events/time_unit.h"
 #include "jade/imaging/image_io.h"
