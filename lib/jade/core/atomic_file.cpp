@@ -2,7 +2,6 @@
 #include "jade/core/atomic_file.h"
 
 #include <cerrno>
-#include <cstdint>
 #include <cstring>
 #include <fcntl.h>
 #include <fstream>
@@ -89,52 +88,7 @@ void write_file(const fs::path& path, const std::string& content) {
   file.commit();
 }
 
-namespace {
-
-void append_utf8(uint32_t letter, std::string& out) {
-  const auto put = [&](uint32_t byte) { out += static_cast<char>(byte); };
-  if (letter < 0x80) {
-    put(letter);
-    return;
-  }
-  if (letter < 0x800) {
-    put(0xC0 | (letter >> 6));
-  } else {
-    if (letter < 0x10000) {
-      put(0xE0 | (letter >> 12));
-    } else {
-      put(0xF0 | (letter >> 18));
-      put(0x80 | ((letter >> 12) & 0x3F));
-    }
-    put(0x80 | ((letter >> 6) & 0x3F));
-  }
-  put(0x80 | (letter & 0x3F));
-}
-
-/// @param low  position of the low byte in each pair
-std::string from_utf16(const std::string& text, size_t low) {
-  const auto unit = [&](size_t i) {
-    return uint32_t(static_cast<unsigned char>(text[i + low])) |
-           uint32_t(static_cast<unsigned char>(text[i + 1 - low])) << 8;
-  };
-  std::string out;
-  for (size_t i = 2; i + 1 < text.size(); i += 2) {
-    uint32_t letter = unit(i);
-    const bool is_pair = letter >= 0xD800 && letter < 0xDC00 && i + 3 < text.size();
-    if (is_pair) {
-      i += 2;
-      letter = 0x10000 + ((letter - 0xD800) << 10) + ((unit(i) - 0xDC00) & 0x3FF);
-    }
-    append_utf8(letter, out);
-  }
-  return out;
-}
-
-}  // namespace
-
 std::string without_mark(const std::string& text) {
-  if (text.rfind("\xFF\xFE", 0) == 0) return from_utf16(text, 0);
-  if (text.rfind("\xFE\xFF", 0) == 0) return from_utf16(text, 1);
   return text.rfind("\xEF\xBB\xBF", 0) == 0 ? text.substr(3) : text;
 }
 

@@ -57,7 +57,7 @@ void write_file(const std::filesystem::path& path, const std::string& content);
 /// Returns the content of a file. @throws DataError if it cannot be read.
 std::string read_file(const std::filesystem::path& path);
 
-/// The text in UTF-8 without byte order mark; text whose mark is that of UTF-16 is converted.
+/// Removes the UTF-8 byte order mark that spreadsheets and Windows editors put before a text.
 std::string without_mark(const std::string& text);
 
 /// Creates a folder with its parents and checks that files can be created in it.

@@ -9,7 +9,6 @@
 #include <sstream>
 #include <torch/types.h>
 
-#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/diet_gs.h"
@@ -24,6 +23,7 @@
 #include "jade/data/transforms.h"
 #include "jade/data/warnings.h"
 #include "jade/imaging/color.h"
+#include "jade/io/text.h"
 
 namespace jade::data {
 namespace {
@@ -91,7 +91,7 @@ void settle_color(FrameColor color, const Warnings& warnings, Dataset& data) {
 std::vector<std::string> held_out_names(const fs::path& path) {
   std::vector<std::string> names;
   if (!fs::exists(path)) return names;
-  std::istringstream lines(without_mark(read_file(path)));
+  std::istringstream lines(io::read_text(path));
   for (std::string line; std::getline(lines, line);) {
     while (!line.empty() && std::isspace(static_cast<unsigned char>(line.back())) != 0) {
       line.pop_back();

@@ -26,6 +26,7 @@
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/unread_images.h"
 #include "jade/io/npy.h"
+#include "jade/io/text.h"
 
 namespace jade::data {
 namespace {
@@ -408,7 +409,7 @@ void read_points(const fs::path& path, Dataset& data) {
 void read_gains(const fs::path& path, const Warnings& warnings, Dataset& data) {
   if (!fs::exists(path)) return;
   std::map<std::string, double> gains;
-  std::istringstream text(without_mark(read_file(path)));
+  std::istringstream text(io::read_text(path));
   int64_t number = 0;
   for (std::string line; std::getline(text, line);) {
     ++number;
