@@ -212,6 +212,10 @@ def host_ways() -> dict[str, Callable[[], None]]:
         ),
     }
 
+    def read_meta() -> None:
+        with torch.no_grad():
+            rasterization(*activated, K, size, size, sh_degree=3, packed=False)[2]["radii"]
+
     def without_gradients(render: Callable[[], Tensor]) -> None:
         with torch.no_grad():
             render()
@@ -232,7 +236,7 @@ def host_ways() -> dict[str, Callable[[], None]]:
         ways[f"{name}, no gradients"] = partial(without_gradients, call[0])
         ways[f"{name}, forward"] = call[0]
         ways[f"{name}, both"] = partial(both, *call)
-    return ways
+    return ways | {"rasterization, no gradients, meta": read_meta}
 
 
 def measure_host(repeats: int) -> list[dict]:
@@ -266,7 +270,7 @@ def main() -> None:
     if options.host:
         rows = measure_host(options.repeats or 300)
         for row in rows:
-            print(f"{row['way']:30} {row['least_us']:7.1f} µs least {row['median_us']:7.1f} µs median")
+            print(f"{row['way']:34} {row['least_us']:7.1f} µs least {row['median_us']:7.1f} µs median")
     for name in [] if options.host else options.workload.split(","):
         if name not in SIZES:
             parser.error(f"--workload: expected names among {', '.join(SIZES)}, found {name}")

@@ -32,49 +32,51 @@ def project(means: Tensor, quats: Tensor, scales: Tensor, opacities: Tensor, cam
     """Projected Gaussians: means2d [..., C, N, 2] px, radii [..., C, N, 2] px (0: culled), depths, opacities [...,
     C, N] and conics [..., C, N, 3] (xx, xy, yy of the inverse of the dilated covariance).
     """
-    rotation = cameras.viewmats[..., None, :3, :3]  # [..., C, 1, 3, 3]
-    point = (rotation @ means[..., None, :, :, None])[..., 0] + cameras.viewmats[..., None, :3, 3]  # [..., C, N, 3]
-    depth = point[..., 2]
-    focal = torch.stack([cameras.Ks[..., 0, 0], cameras.Ks[..., 1, 1]], -1)[..., None, :]
-    center = cameras.Ks[..., None, :2, 2]
-    size = means.new_tensor([cameras.width, cameras.height])
-    ratio = point[..., :2] / depth[..., None]
-    margin = 0.15 * size / focal
-    clamped = torch.minimum(torch.maximum(ratio, -center / focal - margin), (size - center) / focal + margin)
-    w, x, y, z = torch.nn.functional.normalize(quats, dim=-1).unbind(-1)
-    axes = torch.stack(
-        [
-            *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        ],
-        -1,
-    ).unflatten(-1, (3, 3))
-    in_camera = rotation @ (axes * scales[..., None, :])[..., None, :, :, :]  # [..., C, N, 3, 3]
+    # Inside, Gaussians are the last axis: one matrix product per camera, few operations of torch.
+    size = torch.linspace(cameras.width, cameras.height, 2, dtype=means.dtype, device=means.device)[:, None]
+    rotation, shift = cameras.viewmats[..., :3, :].split((3, 1), -1)  # [..., C, 3, 3 and 1]
+    plane, z = (rotation @ means.mT[..., None, :, :] + shift).split((2, 1), -2)  # [..., C, 2 and 1, N]
+    focal, center = cameras.Ks.diagonal(dim1=-2, dim2=-1)[..., :2, None], cameras.Ks[..., :2, 2:]  # [..., C, 2, 1]
+    ratio, scale = plane / z, focal / z
+    left, margin = center / focal, 0.15 * size / focal
+    clamped = ratio.clamp(-left - margin, size / focal - left + margin)
     # Rows of J · W · M, with J the Jacobian of the projection.
-    rows = (focal / depth[..., None])[..., None] * (in_camera[..., :2, :] - clamped[..., None] * in_camera[..., 2:, :])
-    xx, xy, yy = (
-        (rows[..., i, :] * rows[..., j, :]).sum(-1) for i, j in ((0, 0), (0, 1), (1, 1))
-    )
-    bare = (xx * yy - xy * xy).clamp_min(0)
+    axes = (_axes(quats) * scales.mT[..., None, :, :]).flatten(-2)  # [..., 3, 3 N]
+    in_camera = (rotation @ axes[..., None, :, :]).unflatten(-1, (3, means.shape[-2]))  # [..., C, 3, 3, N]
+    across, along = in_camera.split((2, 1), -3)
+    u, v = (scale[..., None, :] * (across - clamped[..., None, :] * along)).unbind(-3)
+    xx, xy, yy = (u * u).sum(-2), (u * v).sum(-2), (v * v).sum(-2)
+    xy2 = xy * xy
+    opacity = opacities[..., None, :].expand(xy.shape)
+    if cameras.antialiased:
+        bare = (xx * yy - xy2).clamp_min(0)
     xx, yy = xx + _DILATION, yy + _DILATION
-    det = xx * yy - xy * xy
-    opacity = opacities[..., None, :].expand(depth.shape)
+    det = xx * yy - xy2
     if cameras.antialiased:
         opacity = opacity * (bare / det).sqrt()
     sigmas = (2 * (opacity / _MIN_ALPHA).clamp_min(1).log()).sqrt()
     means2d = ratio * focal + center
-    radii = (sigmas[..., None] * torch.stack([xx, yy], -1).sqrt()).ceil()
+    radii = (sigmas[..., None, :] * torch.stack([xx, yy], -2).sqrt()).ceil()
+    depth = z[..., 0, :]
     shown = (depth >= cameras.near_plane) & (depth <= cameras.far_plane) & (det > 0)
     shown &= (opacity >= _MIN_ALPHA) & (opacity <= _MAX_OPACITY)
-    shown &= ((means2d + radii > 0) & (means2d - radii < size)).all(-1)
+    shown &= ((means2d + radii > 0) & (means2d - radii < size)).all(-2)
     return {
-        "radii": torch.where(shown[..., None], radii, 0).to(torch.int32),
-        "means2d": means2d,
+        "radii": torch.where(shown[..., None, :], radii, 0).mT.to(torch.int32, memory_format=torch.contiguous_format),
+        "means2d": means2d.mT.contiguous(),
         "depths": depth,
         "conics": torch.stack([yy, -xy, xx], -1) / det[..., None],
         "opacities": opacity,
     }
+
+
+def _axes(quats: Tensor) -> Tensor:
+    """Rotation matrices [..., 3, 3, N] of quaternions [..., N, 4] of any length."""
+    unit = torch.nn.functional.normalize(quats, dim=-1)
+    products = (unit[..., None] * (2 * unit)[..., None, :]).flatten(-2).unbind(-1)
+    _, wx, wy, wz, _, xx, xy, xz, _, _, yy, yz, _, _, _, zz = products
+    entries = (1 - yy - zz, xy - wz, xz + wy, xy + wz, 1 - xx - zz, yz - wx, xz - wy, yz + wx, 1 - xx - yy)
+    return torch.stack(entries, -2).unflatten(-2, (3, 3))
 
 
 def _versions(tensors: tuple[Tensor, ...]) -> list[int]:
