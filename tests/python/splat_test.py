@@ -369,6 +369,16 @@ class HostTime(unittest.TestCase):
             seen.names = [name for name in seen.names if "ones" not in name]
             self.assertEqual(seen.names, ["aten.new_empty.default", *both], options)  # means2d, then the op
 
+    def test_operations_of_meta(self):
+        _, _, meta = rasterization(**make_scene(), width=WIDTH, height=HEIGHT, packed=False)
+        with Operations() as seen:
+            self.assertTrue("radii" in meta and "isect_ids" not in meta)
+        self.assertEqual(seen.names, [])
+        with Operations() as seen:
+            meta["radii"]
+        self.assertLess(len(seen.names), 135)
+        self.assertEqual([name for name in seen.names if "lift" in name or "_local_scalar" in name], [])  # wait for a GPU
+
     def test_without_gradients_only_images_are_made(self):
         scene = make_scene()
         inputs = [scene[name] for name in (*NAMES[:6], "Ks")]

@@ -122,6 +122,9 @@ class Meta(MutableMapping):
         else:
             del self._values[key]
 
+    def __contains__(self, key: object) -> bool:
+        return key in self._values or key in self._pending
+
     def __iter__(self) -> Iterator[str]:
         return iter([*self._values, *(key for key in self._SCREEN if key in self._pending)])
 
