@@ -250,9 +250,11 @@ def _render_scene(
     else:
         channels, degree = colors.shape[-1], _PLAIN
         padding = -channels % 3
-        # Three channels per pass.
-        groups = [colors] if channels == 3 else torch.nn.functional.pad(colors, (0, padding)).split(3, -1)
+        padded = torch.nn.functional.pad(colors, (0, padding)) if padding else colors
+        groups = [padded] if channels <= 3 else padded.split(3, -1)  # three channels per pass
 
+    if per_view or len(groups) > 1:
+        gaussians = [tensor.contiguous() for tensor in gaussians]  # once for all passes
     deterministic = torch.are_deterministic_algorithms_enabled()
     far = min(far, _FARTHEST)
     passes = []
