@@ -142,10 +142,12 @@ TEST_CASE("jade_import: --quiet hides notes, not warnings of wrong input", "[app
     events += concat(1e-4 * i, " ", i % 32, " ", i % 24, " ", i % 2, "\n");
   dir.write("rpg/events.txt", events);
   dir.write("rpg/poses.txt", "");
-  dir.write("rpg/images.txt", "0.01 images/a.png\n0.03 images/b.png\n0.05 images/lost.png\n");
-  for (const char* name : {"a.png", "b.png"}) {
-    imaging::write_image(dir / "rpg/images" / name, torch::rand({3, 24, 32}));
+  std::string list = "0.039 images/lost.png\n";
+  for (const int k : {1, 2, 3, 4}) {
+    list += concat(0.008 * k, " images/", k, ".png\n");
+    imaging::write_image(dir / concat("rpg/images/", k, ".png"), torch::rand({3, 24, 32}));
   }
+  dir.write("rpg/images.txt", list);
   const Outcome quiet =
       run(dir, "jade_import rpg --quiet --exposure-ms 5 --until read --output out");
   INFO(quiet.err);
