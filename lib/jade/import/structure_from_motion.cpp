@@ -17,8 +17,6 @@
 #include "jade/imaging/image_io.h"
 #include "jade/import/colmap.h"
 #include "jade/import/motion_check.h"
-#include "jade/import/stray_images.h"
-#include "jade/io/colmap.h"
 #include "jade/io/npy.h"
 
 namespace jade::import {
@@ -34,15 +32,9 @@ constexpr size_t kNeighbours = 9;
 /// and the middle images of this many shots, spread over the recording, with one another.
 constexpr size_t kLoopShots = 40;
 constexpr double kLeastShare = 2.0 / 3;
-/// Wrong models explain none of the blur, right ones more than half.
-constexpr double kLeastExplained = 0.1;
 /// Random variation of the explained blur. If no attempt leads by more, the first is the best: on a
 /// desk of 4 exposures all three explained 76 %, and their poses were 1.1, 1.3 and 1.3 px off.
 constexpr double kClearlyBetter = 0.01;
-/// No further attempt follows one that registers nearly all images and explains this much. On no
-/// recording was a later attempt better than such a one, and each takes as long: after one of 82 %
-/// two worse ones followed.
-constexpr double kNearlyAll = 0.95, kWellExplained = 0.6;
 /// An estimated focal length with another angle of view of the longer side is doubted: six of
 /// seven imports of slider_depth found 185 to 348 px, one 1,805 px, a view of 7 degrees.
 constexpr double kNarrowest_deg = 15, kWidest_deg = 120;
@@ -52,9 +44,6 @@ constexpr double kHeldMargin = 0.05;
 constexpr size_t kChecked = 8;
 /// Less motion between all frames counts as none, px.
 constexpr double kStandingStill = 1;
-/// Points with a smaller angle between their outermost rays have no depth.
-constexpr double kLeastParallax_deg = 0.2;
-
 /// COLMAP's mapping is random, so an attempt that leaves out images is repeated from the same
 /// matches. The repetition holds an unknown focal length: a camera that moves along
 /// a line does not determine it, and then it drifts and images are left out
@@ -83,74 +72,6 @@ std::vector<ColmapSettings> attempts() {
           {"repeated", usual, {}, bounded, true},
           {"weak_corners", weak, guided, bounded},
           {"little_parallax", weak, guided, narrow}};
-}
-
-geometry::Vector3 point_at(const torch::Tensor& points, int64_t index) {
-  const double* p = points.const_data_ptr<double>() + 3 * index;
-  return {p[0], p[1], p[2]};
-}
-
-double median_depth(const Reconstruction& r) {
-  std::vector<double> depths;
-  for (size_t i = 0; i < r.seen_by.size(); ++i) {
-    for (const int64_t k : r.seen_by[i]) {
-      depths.push_back(geometry::transform(r.poses[static_cast<size_t>(k)].pose,
-                                           point_at(r.points, static_cast<int64_t>(i)))[2]);
-    }
-  }
-  return median_of(std::move(depths));
-}
-
-/// Scales the scene to units of its median depth: COLMAP's scale is arbitrary, and step sizes of
-/// learned poses treat rotations and translations alike if depths are about 1.
-void set_scale(Reconstruction& r) {
-  const double depth = median_depth(r);
-  if (!(depth > 0)) return;
-  r.points = r.points / depth;
-  for (TimedPose& timed : r.poses) {
-    for (double& t : timed.pose.translation) t /= depth;
-  }
-}
-
-double angle_between(const geometry::Vector3& a, const geometry::Vector3& b) {
-  double dot = 0, aa = 0, bb = 0;
-  for (size_t i = 0; i < 3; ++i) {
-    dot += a[i] * b[i];
-    aa += a[i] * a[i];
-    bb += b[i] * b[i];
-  }
-  return std::acos(std::clamp(dot / std::sqrt(aa * bb), -1.0, 1.0)) * 180 / M_PI;
-}
-
-/// Angle between the first and the last image of each point's track.
-double median_parallax(const Reconstruction& r) {
-  std::vector<double> angles;
-  for (size_t i = 0; i < r.seen_by.size(); ++i) {
-    const geometry::Vector3 x = point_at(r.points, static_cast<int64_t>(i));
-    const auto ray = [&](int64_t pose) {
-      geometry::Vector3 d = geometry::centre(r.poses[static_cast<size_t>(pose)].pose);
-      for (size_t k = 0; k < 3; ++k) d[k] = x[k] - d[k];
-      return d;
-    };
-    double widest = 0;
-    for (const int64_t k : r.seen_by[i]) {
-      widest = std::max(widest, angle_between(ray(r.seen_by[i].front()), ray(k)));
-    }
-    angles.push_back(widest);
-  }
-  return median_of(std::move(angles));
-}
-
-Attempt attempt_of(const std::string& name, size_t images, const Reconstruction& r) {
-  Attempt a;
-  a.name = name;
-  a.images = static_cast<int64_t>(images);
-  a.registered = static_cast<int64_t>(r.poses.size());
-  a.points = r.points.size(0);
-  for (const auto& seen : r.seen_by) a.observations += static_cast<int64_t>(seen.size());
-  a.error_px = a.points > 0 ? r.point_errors.nanmean().item<double>() : 0;
-  a.parallax_deg = median_parallax(r);
-  return a;
 }
 
 /// Evenly spaced indices below `count`.
@@ -221,38 +142,6 @@ void check_blur(const fs::path& latents, const std::vector<LatentImage>& images,
   attempt.blur_px = std::max(posed_blur_px(exposures), median_of(std::move(measured)));
 }
 
-bool explains_blur(const Attempt& a) {
-  return (!a.has_blur() || a.explained_blur >= kLeastExplained) &&
-         a.parallax_deg >= kLeastParallax_deg;
-}
-
-/// Whether `a` is the better one of two models of the same matches.
-bool fits_better(const Attempt& a, const Attempt& b) {
-  if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
-  if (a.registered != b.registered) return a.registered > b.registered;
-  return a.error_px < b.error_px;
-}
-
-/// Whether `a` is better than `b`, whose matches may be others.
-/// @param margin  of explained blur by which `a` must lead
-bool is_better(const Attempt& a, const Attempt& b, double margin = 0) {
-  if (explains_blur(a) != explains_blur(b)) return explains_blur(a);
-  if (a.registered != b.registered) return a.registered > b.registered;
-  // More observations of weaker corners do not give better poses: on the simulated desk 28,000
-  // explained 91 % of the blur and were 0.47 px off, 43,000 explained 87 % and were 0.57 px off.
-  return (a.has_blur() || b.has_blur()) && a.explained_blur > b.explained_blur + margin;
-}
-
-bool is_good(const Attempt& a) {
-  return double(a.registered) >= kNearlyAll * double(a.images) && explains_blur(a) &&
-         (!a.has_blur() || a.explained_blur >= kWellExplained);
-}
-
-/// Whether no further attempt follows the first `made`, of which `a` is the best.
-bool is_enough(const Attempt& a, size_t made) {
-  return is_good(a) && (made > 1 || a.registered == a.images);
-}
-
 /// Angle of view of the longer side, degrees.
 double view_of(const geometry::Intrinsics& camera) {
   return 2 * std::atan(0.5 * std::max(camera.width, camera.height) / camera.fx) * 180 / M_PI;
@@ -265,12 +154,6 @@ bool is_doubtful(const geometry::Intrinsics& camera) {
 std::string focal_text(const geometry::Intrinsics& camera) {
   return concat(readable(camera.fx, 4), " px, a view of ", std::lround(view_of(camera)),
                 " degrees");
-}
-
-std::string sentence(const Attempt& a) {
-  if (!a.problem.empty()) return concat(a.name, ": ", a.problem);
-  return concat(a.name, ": ", a.registered, " of ", a.images, " images, ", said_of_blur(a),
-                ", parallax ", readable(a.parallax_deg, 2), " degrees");
 }
 
 [[noreturn]] void fail(const std::vector<Attempt>& tried, const FrameMotion& motion) {
@@ -370,66 +253,6 @@ std::vector<std::pair<size_t, size_t>> sequential_pairs(const std::vector<Latent
     }
   }
   return {pairs.begin(), pairs.end()};
-}
-
-PosePath path_of(const std::vector<TimedPose>& poses, const Capture& capture) {
-  std::vector<std::pair<double, geometry::Pose>> timed;
-  for (const TimedPose& pose : poses) timed.emplace_back(double(pose.t_us), pose.pose);
-  int64_t shortest_us = INT64_MAX;
-  for (const Shot& shot : capture.shots) {
-    if (shot.duration_us() > 0) shortest_us = std::min(shortest_us, shot.duration_us());
-  }
-  return path_through(std::move(timed), shortest_us == INT64_MAX ? 1 : 0.125 * double(shortest_us));
-}
-
-Reconstruction read_reconstruction(const fs::path& model, const std::vector<LatentImage>& images,
-                                   double scale) {
-  const io::ColmapModel found = io::read_colmap(model);
-  std::map<std::string, const LatentImage*> by_file;
-  for (const LatentImage& image : images) by_file[image.file] = &image;
-  Reconstruction r;
-  std::map<int64_t, const LatentImage*> by_id;
-  for (const io::ColmapImage& image : found.images) {
-    const auto known = by_file.find(image.name);
-    if (known == by_file.end()) continue;
-    by_id[image.id] = known->second;
-    const geometry::Pose pose{geometry::rotation_from_quaternion(image.rotation),
-                              image.translation};
-    r.poses.push_back({known->second->t_us, known->second->shot, pose, 0});
-  }
-  if (r.poses.empty()) return r;
-  std::sort(r.poses.begin(), r.poses.end(),
-            [](const TimedPose& a, const TimedPose& b) { return a.t_us < b.t_us; });
-  const auto index_of = [&](int64_t id) {
-    const int64_t t = by_id.at(id)->t_us;
-    return std::lower_bound(r.poses.begin(), r.poses.end(), t,
-                            [](const TimedPose& p, int64_t at) { return p.t_us < at; }) -
-           r.poses.begin();
-  };
-  for (const auto& track : found.point_images) {
-    r.seen_by.emplace_back();
-    for (const int64_t id : track) {
-      if (by_id.count(id) == 0) continue;
-      r.seen_by.back().push_back(index_of(id));
-      ++r.poses[static_cast<size_t>(r.seen_by.back().back())].observations;
-    }
-  }
-  drop_strays(r);
-  const io::ColmapCamera& camera = found.cameras.front();
-  const auto whole = [&](int64_t size) { return std::llround(double(size) / scale); };
-  r.camera = geometry::Intrinsics::centred(camera.parameters[0] / scale, whole(camera.width),
-                                           whole(camera.height));
-  r.points = found.points;
-  r.colors = found.point_colors;
-  r.point_errors = found.point_errors / scale;
-  set_scale(r);
-  return r;
-}
-
-std::string said_of_blur(const Attempt& a) {
-  if (!a.has_blur())
-    return concat("blur of ", readable(a.blur_px, 1), " px, too little to check the poses by it");
-  return concat(std::lround(100 * std::max(0.0, a.explained_blur)), " % of the blur explained");
 }
 
 SearchResult find_poses(const fs::path& latents, const std::vector<LatentImage>& images,
