@@ -236,34 +236,13 @@ void check_guess(const std::filesystem::path& path, const EventFileResult& read,
                           " events lie between the first and the last exposure"));
 }
 
-/// Warns of events that occur twice: same pixel, time and polarity.
-void tell_repeated(const std::filesystem::path& path, EventFileResult& result) {
-  constexpr int64_t kPieces = 64, kPiece = 16384, kBefore = 64, kFewest = 1000;
-  constexpr double kMany = 0.05;
-  const EventStream& events = result.events;
-  if (events.size() < kFewest) return;
-  const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
-  const int64_t* t = events.t_us().const_data_ptr<int64_t>();
-  const int8_t* p = events.polarity().const_data_ptr<int8_t>();
-  const int64_t step = std::max(kPiece, events.size() / kPieces);
-  int64_t looked = 0, repeated = 0;
-  for (int64_t begin = 0; begin < events.size(); begin += step) {
-    const int64_t end = std::min(begin + kPiece, events.size());
-    for (int64_t i = begin; i < end; ++i) {
-      ++looked;
-      for (int64_t j = i - 1; j >= std::max<int64_t>(0, i - kBefore) && t[j] == t[i]; --j) {
-        if (x[j] != x[i] || y[j] != y[i] || p[j] != p[i]) continue;
-        ++repeated;
-        break;
-      }
-    }
-  }
-  const double share = double(repeated) / double(looked);
-  if (share <= kMany) return;
-  result.warnings.push_back(concat(
-      path.string(), ": expected each event once, found ", std::round(100 * share),
-      " % that repeat the pixel, time and polarity of another; the thresholds come out too small; "
-      "if the file was joined of parts that overlap, keep each event once"));
+/// Leaves out copies of events, and warns of them and of other repetitions.
+void drop_copies(const std::filesystem::path& path, EventFileResult& result) {
+  const DistinctEvents distinct = without_copies(result.events);
+  if (!distinct.fault.empty())
+    result.warnings.push_back(concat(path.string(), ": ", distinct.fault));
+  result.events = distinct.events;
+  result.stored -= distinct.copies;
 }
 
 const char* name_of(TimeUnit unit) {
@@ -503,7 +482,7 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
                  word_of(result.time_unit), "; ", hint));
     }
   }
-  tell_repeated(path, result);
+  drop_copies(path, result);
   const std::string alone = lone_event_warning(path, result.events.t_us(), !result.was_unsorted);
   if (!alone.empty()) result.warnings.push_back(alone);
   if (options.keep) result.events = only_in(*options.keep, result.events);

@@ -68,9 +68,9 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 ///   .txt .csv   one line "t x y p" per event, blanks or commas; lines of '#' and one header line
 ///               are skipped; also compressed, .txt.gz
 /// Polarity is 0/1 or −1/+1. Times are stored in µs, rounded down from ns. Unsorted times are
-/// sorted stably, with a warning; duplicates are kept. A few events far from all others are left
-/// out, with a warning. Events with NaN coordinates or outside the
-/// image stay in the stream, with a warning; counts ignore them.
+/// sorted stably; copies (without_copies()) and a few events far from all others are left out.
+/// Events with NaN coordinates or outside the image stay in the stream; counts ignore them. Each of
+/// these gives a warning.
 /// @throws DataError naming the path: missing or damaged files, arrays that are missing or of
 ///   different lengths, other polarities, times that are NaN or overlap no exposure in any unit.
 EventFileResult read_events(const std::filesystem::path& path,

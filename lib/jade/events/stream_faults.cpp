@@ -10,6 +10,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/median.h"
+#include "jade/core/readable.h"
 #include "jade/events/time_faults.h"
 
 namespace jade::events {
@@ -177,10 +178,38 @@ std::string one_based_fault(const EventStream& events, const ImageSize& size) {
                 ": they count from 1; subtract 1 from x and y");
 }
 
+namespace {
+
+/// Share of the events that repeat the place, time and polarity of another one, from a sample.
+double repeated_share(const EventStream& events) {
+  constexpr int64_t kPieces = 64, kPiece = 16384, kBefore = 64;
+  const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
+  const int64_t* t = events.t_us().const_data_ptr<int64_t>();
+  const int8_t* p = events.polarity().const_data_ptr<int8_t>();
+  const int64_t step = std::max(kPiece, events.size() / kPieces);
+  int64_t looked = 0, repeated = 0;
+  for (int64_t begin = 0; begin < events.size(); begin += step) {
+    const int64_t end = std::min(begin + kPiece, events.size());
+    for (int64_t i = begin; i < end; ++i) {
+      ++looked;
+      for (int64_t j = i - 1; j >= std::max<int64_t>(0, i - kBefore) && t[j] == t[i]; --j) {
+        if (x[j] != x[i] || y[j] != y[i] || p[j] != p[i]) continue;
+        ++repeated;
+        break;
+      }
+    }
+  }
+  return double(repeated) / double(std::max<int64_t>(1, looked));
+}
+
+}  // namespace
+
 DistinctEvents without_copies(const EventStream& events) {
-  constexpr int64_t kPart = 4096, kFewest = 100;
-  constexpr double kNearlyAll = 0.9;
+  constexpr int64_t kPart = 4096, kFewest = 100, kTelling = 1000;
+  constexpr double kNearlyAll = 0.9, kMany = 0.05;
   const int64_t count = events.size();
+  const double share = count < kTelling ? 0 : repeated_share(events);
+  if (share <= kMany) return {events, 0, ""};
   const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
   const int64_t* const t = events.t_us().const_data_ptr<int64_t>();
   const int8_t* const p = events.polarity().const_data_ptr<int8_t>();
@@ -206,7 +235,15 @@ DistinctEvents without_copies(const EventStream& events) {
     }
     part = end, distinct = repeated = 0;
   }
-  if (copies == 0) return {events, 0};
+  const std::string fault =
+      copies > 0
+          ? concat("expected each event once, found ", grouped(copies), " of ", grouped(count),
+                   " that repeat the time, place and polarity of another; "
+                   "these are left out, check how the file was written or joined")
+          : concat("expected each event once, found ", std::round(100 * share),
+                   " % that repeat the time, place and polarity of another, here and there; "
+                   "the thresholds come out too small; keep each event once");
+  if (copies == 0) return {events, 0, fault};
   torch::Tensor kept = torch::empty({count - copies}, torch::kInt64);
   int64_t* to = kept.data_ptr<int64_t>();
   for (int64_t i = 0; i < count; ++i) {
@@ -215,7 +252,8 @@ DistinctEvents without_copies(const EventStream& events) {
   const auto chosen = [&](const torch::Tensor& all) { return all.index_select(0, kept); };
   return {
       {chosen(events.x()), chosen(events.y()), chosen(events.t_us()), chosen(events.polarity())},
-      copies};
+      copies,
+      fault};
 }
 
 int64_t frame_period_us(std::vector<NamedWindow> exposures) {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <torch/types.h>
 
+#include "jade/core/median.h"
 #include "jade/data/event_consistency.h"
-#include "jade/import/median.h"
 
 namespace jade::import {
 namespace {

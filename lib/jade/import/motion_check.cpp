@@ -6,8 +6,8 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
+#include "jade/core/median.h"
 #include "jade/imaging/color.h"
-#include "jade/import/median.h"
 
 namespace jade::import {
 namespace {

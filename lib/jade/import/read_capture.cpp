@@ -171,13 +171,8 @@ void drop_bad_frames(recording::Recording& recording) {
 
 /// Events that were written twice would double all changes.
 events::EventStream distinct_events(const recording::Recording& recording) {
-  events::DistinctEvents distinct = events::without_copies(recording.events);
-  if (distinct.copies > 0) {
-    log_warn(concat(recording.source.string(), ": expected each event once, found ",
-                    grouped(distinct.copies), " of ", grouped(recording.events.size()),
-                    " that repeat the time, place and polarity of another; these are left out, "
-                    "check how the file was written or joined"));
-  }
+  const events::DistinctEvents distinct = events::without_copies(recording.events);
+  if (!distinct.fault.empty()) log_warn(concat(recording.source.string(), ": ", distinct.fault));
   return distinct.events;
 }
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "jade/import/median.h"
+#include "jade/core/median.h"
 #include "jade/import/stray_images.h"
 #include "jade/io/colmap.h"
 
