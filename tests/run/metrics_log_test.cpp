@@ -17,7 +17,7 @@ TEST_CASE("metrics log: goes on after the line of its checkpoint's own step", "[
   CHECK(read_file(path) == upto);
   std::string told;
   log.tell([&](const std::string& line) { told += line; });
-  log.append("{\"step\":15}");
+  log.append({{"step", 15}});
   CHECK(read_file(path) == upto + "{\"step\":15}\n");
   CHECK(told == "{\"step\":15}");
 }
