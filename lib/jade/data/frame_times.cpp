@@ -8,6 +8,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/median.h"
+#include "jade/core/text.h"
 #include "jade/events/stream_faults.h"
 #include "jade/io/npy.h"
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "jade/core/readable.h"
+#include "jade/core/text.h"
 
 namespace jade::data {
 namespace {

@@ -9,6 +9,7 @@
 
 #include "jade/core/digest.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/data/dataset.h"
 #include "jade/data/warnings.h"
 

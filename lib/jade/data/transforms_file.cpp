@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/data/frames.h"
 #include "jade/data/named_files.h"
 #include "jade/data/transforms_json.h"
