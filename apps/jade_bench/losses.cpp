@@ -64,7 +64,8 @@ struct Images {
   }
 
   torch::Tensor toned(const torch::Tensor& x) const {
-    return response::CameraResponse(response)->forward(x);
+    const torch::Tensor table = response::CameraResponse(response)->table();
+    return response::CameraResponseImpl::apply_all({{x, {}}}, table)[0];
   }
 
   losses::Objective objective() const {
