@@ -43,7 +43,7 @@ class GaussianModel {
   /// Drops all gradients (sets them to undefined).
   void zero_grad();
 
-  /// The same tensors without gradient, for rendering, saving and tests.
+  /// Returns the parameters themselves without gradient, for rendering, saving and tests.
   splat::Gaussians detached() const;
 
   /// Replaces the parameters by new leaves that own these tensors, without gradients; the caller
