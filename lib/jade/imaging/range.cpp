@@ -106,8 +106,7 @@ std::string blank_fault(const std::vector<Range>& ranges, const std::vector<std:
   const std::string all_black = counted(black, "all black", names);
   const std::string all_white = counted(white, "all white", names);
   return concat("expected frames with a picture, found ", all_black,
-                black.empty() || white.empty() ? "" : " and ", all_white,
-                "; leave them out, or export them again");
+                black.empty() || white.empty() ? "" : " and ", all_white, "; export them again");
 }
 
 /// Images that are equal to the one before. Empty if none.

@@ -12,8 +12,7 @@ namespace jade::import {
 namespace {
 
 constexpr double kFlatRow = 4.0 / 255;  // largest range within a row of one level
-constexpr double kFlatFrame = 8.0 / 255;
-constexpr double kSaturated = 0.97;
+constexpr double kFlatFrame = 1.5 / 255;
 constexpr double kPicture = 0.1;  // least range in a row beside the cut
 constexpr int64_t kRowShare = 20, kFewestRows = 3;
 
@@ -22,7 +21,7 @@ struct Rows {
   int64_t count() const { return low.size(0); }
   bool is_flat(int64_t row, float level) const {
     const float least = low[row].item<float>(), most = high[row].item<float>();
-    return most - least <= kFlatRow && std::abs(least - level) <= kFlatRow && most < kSaturated;
+    return most - least <= kFlatRow && std::abs(least - level) <= kFlatRow;
   }
 };
 
@@ -39,10 +38,16 @@ int64_t flat_rows(const Rows& rows, int64_t first, int64_t step) {
   return count;
 }
 
-/// Length of a flat part with a sharp edge to the picture; all rows for a frame of one level.
-int64_t missing_rows(const Rows& rows) {
-  if ((rows.high.max() - rows.low.min()).item<double>() <= kFlatFrame) return rows.count();
-  int64_t most = 0;
+/// Rows [begin, end) of a frame.
+struct Part {
+  int64_t begin = 0, end = 0;
+  int64_t size() const { return end - begin; }
+};
+
+/// The flat part with a sharp edge to the picture; the whole frame if it has one level.
+Part missing_part(const Rows& rows) {
+  if ((rows.high.max() - rows.low.min()).item<double>() <= kFlatFrame) return {0, rows.count()};
+  Part most;
   for (const int64_t step : {1, -1}) {
     const int64_t first = step > 0 ? 0 : rows.count() - 1;
     const int64_t flat = flat_rows(rows, first, step);
@@ -53,24 +58,32 @@ int64_t missing_rows(const Rows& rows) {
       const int64_t row = first + step * k;
       range = std::max(range, (rows.high[row] - rows.low[row]).item<double>());
     }
-    if (range >= kPicture) most = std::max(most, flat);
+    if (range < kPicture || flat <= most.size()) continue;
+    most = step > 0 ? Part{0, flat} : Part{rows.count() - flat, rows.count()};
   }
   return most;
 }
 
 }  // namespace
 
-std::vector<size_t> bad_frames(const std::vector<torch::Tensor>& images) {
+std::vector<size_t> bad_frames(const std::vector<torch::Tensor>& images,
+                               const SawChange& saw_change) {
   if (images.empty()) return {};
-  std::vector<int64_t> missing;
-  for (const torch::Tensor& image : images) missing.push_back(missing_rows(rows_of(image)));
-  std::vector<int64_t> ordered = missing;
+  const int64_t height = images.front().size(1);
+  std::vector<Part> missing;
+  std::vector<int64_t> ordered;
+  for (const torch::Tensor& image : images) {
+    missing.push_back(missing_part(rows_of(image)));
+    ordered.push_back(missing.back().size());
+  }
   std::sort(ordered.begin(), ordered.end());
   const int64_t usual = ordered[(ordered.size() - 1) / 2];
-  const int64_t least = std::max(kFewestRows, images.front().size(1) / kRowShare);
+  const int64_t least = std::max(kFewestRows, height / kRowShare);
   std::vector<size_t> bad;
   for (size_t i = 0; i < missing.size(); ++i) {
-    if (missing[i] >= usual + least) bad.push_back(i);
+    const Part& part = missing[i];
+    if (part.size() < usual + least) continue;
+    if (part.size() == height || saw_change(i, part.begin, part.end)) bad.push_back(i);
   }
   return bad;
 }

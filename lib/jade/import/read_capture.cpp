@@ -151,11 +151,33 @@ void add_masks(const recording::Recording& recording, Capture& capture) {
   }
 }
 
+/// Whether rows [begin, end) of a frame have events at a rate like the others, from the frame
+/// before to the next. False if events and frames do not share their pixels.
+bool saw_change(const recording::Recording& recording, size_t index, int64_t begin, int64_t end) {
+  constexpr int64_t kFewest = 100;
+  constexpr double kAlike = 0.2;
+  const std::vector<recording::Frame>& frames = recording.frames;
+  const int64_t height = frames[index].image.size(1);
+  const bool shared = recording.height == 0 || (recording.height == height &&
+                                                recording.width == frames[index].image.size(2));
+  if (!shared) return false;
+  const int64_t from_us = frames[index == 0 ? 0 : index - 1].t_start_us;
+  const int64_t to_us = frames[std::min(index + 1, frames.size() - 1)].t_end_us;
+  const torch::Tensor y = recording.events.slice(from_us, to_us).y().round();
+  const auto count = [](const torch::Tensor& which) { return which.sum().item<int64_t>(); };
+  const int64_t within = count(y.ge(double(begin)).logical_and(y.lt(double(end))));
+  const int64_t others = y.numel() - within;
+  return within >= kFewest && double(within) * double(height - (end - begin)) >=
+                                  kAlike * double(others) * double(end - begin);
+}
+
 /// Leaves out frames without a whole picture, which would mislead every estimate.
 void drop_bad_frames(recording::Recording& recording) {
   std::vector<torch::Tensor> images;
   for (const recording::Frame& frame : recording.frames) images.push_back(frame.image);
-  const std::vector<size_t> bad = bad_frames(images);
+  const std::vector<size_t> bad = bad_frames(images, [&](size_t index, int64_t begin, int64_t end) {
+    return saw_change(recording, index, begin, end);
+  });
   if (bad.empty()) return;
   constexpr size_t kNamed = 8;
   std::string names;
@@ -172,7 +194,8 @@ void drop_bad_frames(recording::Recording& recording) {
 /// Events that were written twice would double all changes.
 events::EventStream distinct_events(const recording::Recording& recording) {
   const events::DistinctEvents distinct = events::without_copies(recording.events);
-  if (!distinct.fault.empty()) log_warn(concat(recording.source.string(), ": ", distinct.fault));
+  // Readers of lists have warned of copies that stay.
+  if (distinct.copies > 0) log_warn(concat(recording.source.string(), ": ", distinct.fault));
   return distinct.events;
 }
 
