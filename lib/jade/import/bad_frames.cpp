@@ -14,6 +14,7 @@ namespace {
 constexpr double kFlatRow = 4.0 / 255;  // largest range within a row of one level
 constexpr double kFlatFrame = 1.5 / 255;
 constexpr double kPicture = 0.1;  // least range in a row beside the cut
+constexpr size_t kBeside = 2;     // frames on either side
 constexpr int64_t kRowShare = 20, kFewestRows = 3;
 
 struct Rows {
@@ -71,18 +72,22 @@ std::vector<size_t> bad_frames(const std::vector<torch::Tensor>& images,
   if (images.empty()) return {};
   const int64_t height = images.front().size(1);
   std::vector<Part> missing;
-  std::vector<int64_t> ordered;
-  for (const torch::Tensor& image : images) {
-    missing.push_back(missing_part(rows_of(image)));
-    ordered.push_back(missing.back().size());
-  }
-  std::sort(ordered.begin(), ordered.end());
-  const int64_t usual = ordered[(ordered.size() - 1) / 2];
+  for (const torch::Tensor& image : images) missing.push_back(missing_part(rows_of(image)));
+  // Lower median of the sizes from one frame to another.
+  const auto usual = [&](size_t begin, size_t end) {
+    std::vector<int64_t> sizes;
+    for (size_t i = begin; i < end; ++i) sizes.push_back(missing[i].size());
+    std::sort(sizes.begin(), sizes.end());
+    return sizes[(sizes.size() - 1) / 2];
+  };
   const int64_t least = std::max(kFewestRows, height / kRowShare);
   std::vector<size_t> bad;
   for (size_t i = 0; i < missing.size(); ++i) {
     const Part& part = missing[i];
-    if (part.size() < usual + least) continue;
+    // A horizon that moves is like the frames beside it.
+    const size_t before = i - std::min(i, kBeside),
+                 behind = std::min(i + kBeside + 1, images.size());
+    if (part.size() < std::max(usual(0, images.size()), usual(before, behind)) + least) continue;
     if (part.size() == height || saw_change(i, part.begin, part.end)) bad.push_back(i);
   }
   return bad;
