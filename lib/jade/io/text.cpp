@@ -8,7 +8,7 @@
 namespace jade::io {
 
 std::string read_text(const std::filesystem::path& path) {
-  const std::string whole = read_file(path);
+  std::string whole = read_file(path);
   if (whole.empty()) return whole;
   const std::string head = whole.substr(0, 1024);
   std::string other = stand_in(head, path);

@@ -175,9 +175,11 @@ void read_frames(std::vector<FrameFile> files, Recording& recording) {
                                              [](const FrameFile& f) { return f.time.has_value(); });
   if (untimed != files.end()) {
     recording.untimed_frames = files.end() - untimed;
-    recording.warnings.push_back(concat(recording.untimed_frames, " of ", files.size(),
-                                        " frames have no time and are left out; give them one with "
-                                        "--frame-times LIST.csv (name,start_us,end_us)"));
+    // Without any time, the import says so in its error.
+    auto& where = untimed == files.begin() ? recording.notes : recording.warnings;
+    where.push_back(concat(recording.untimed_frames, " of ", files.size(),
+                           " frames have no time and are left out; give them one with "
+                           "--frame-times LIST.csv (name,start_us,end_us)"));
     files.erase(untimed, files.end());
   }
   std::stable_sort(files.begin(), files.end(), [](const FrameFile& a, const FrameFile& b) {
