@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the cameras of a scene are, apart from a few wrong poses far away.
+// The region of a scene's cameras, apart from a few wrong poses far away.
 #pragma once
 
 #include <limits>
