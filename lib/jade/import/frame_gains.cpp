@@ -18,11 +18,11 @@ constexpr int64_t kLongestGap_us = 500000;
 constexpr int64_t kMostCurves = 1500000, kFewestPixels = 500, kMostPixels = 3000;
 constexpr double kLeastRange = 0.05;  // in log units
 constexpr double kClearErrors = 6;    // least range in standard errors of a step
-constexpr double kAlike = 0.25;       // of the step to a single odd frame, between its neighbours
 constexpr size_t kMostSlopes = 600;   // frames whose slopes are compared with one another
+constexpr double kAlike = 0.25;       // of the step to a single odd frame, between its neighbours
 
 /// Subtracts the line of the median slope (H. Theil, P. K. Sen), which single values do not move.
-void remove_trend(const std::vector<double>& at, std::vector<double>& values) {
+void remove_median_trend(const std::vector<double>& at, std::vector<double>& values) {
   std::vector<double> slopes;
   const size_t step = 1 + values.size() / kMostSlopes;
   for (size_t i = 0; i < values.size(); i += step) {
@@ -36,6 +36,19 @@ void remove_trend(const std::vector<double>& at, std::vector<double>& values) {
   for (double& value : values) value -= start;
 }
 
+/// Subtracts the best-fitting line, which is closer to the truth where no frame is odd.
+void remove_trend(const std::vector<double>& at, std::vector<double>& values) {
+  const auto count = double(values.size());
+  double st = 0, sv = 0, stt = 0, stv = 0;
+  for (size_t i = 0; i < values.size(); ++i) {
+    st += at[i], sv += values[i], stt += at[i] * at[i], stv += at[i] * values[i];
+  }
+  const double spread = count * stt - st * st;
+  const double slope = spread > 0 ? (count * stv - st * sv) / spread : 0;
+  const double start = (sv - slope * st) / count;
+  for (size_t i = 0; i < values.size(); ++i) values[i] -= start + slope * at[i];
+}
+
 /// Logarithms of the frames' brightness, without their trend.
 struct Levels {
   std::vector<double> logs;  ///< none if they cannot be measured
@@ -47,6 +60,15 @@ struct Levels {
     return *highest - *lowest >= bar;
   }
 };
+
+/// Middles of the exposures after the first one, µs.
+std::vector<double> times_of(const std::vector<data::Exposure>& exposures) {
+  std::vector<double> at;
+  for (const data::Exposure& exposure : exposures) {
+    at.push_back(double(exposure.t_mid_us() - exposures.front().t_mid_us()));
+  }
+  return at;
+}
 
 Levels levels_of(const std::vector<data::Exposure>& exposures, const events::EventStream& events) {
   if (exposures.size() < kFewestShots || events.empty()) return {};
@@ -68,15 +90,13 @@ Levels levels_of(const std::vector<data::Exposure>& exposures, const events::Eve
   const data::ConsistencyFit fit = consistency.fit(windows);
   if (!fit.solved) return {};
   Levels levels{{0}, 0};
-  std::vector<double> at, errors;
+  std::vector<double> errors;
   for (size_t i = 0; i < fit.steps.size(); ++i) {
     levels.logs.push_back(levels.logs.back() + fit.steps[i]);
     if (std::isfinite(fit.step_errors[i])) errors.push_back(fit.step_errors[i]);
   }
   if (errors.empty()) return {};
-  for (const data::Exposure& exposure : exposures) at.push_back(double(exposure.t_mid_us()));
-  for (size_t i = at.size(); i-- > 0;) at[i] -= at.front();
-  remove_trend(at, levels.logs);
+  remove_median_trend(times_of(exposures), levels.logs);
   const double error = median_of(errors) * std::sqrt(double(errors.size()) / 6);
   levels.bar = std::max(kLeastRange, kClearErrors * error);
   return levels;
@@ -106,6 +126,7 @@ std::vector<double> estimate_frame_gains(const std::vector<data::Exposure>& expo
   for (size_t i = 0; i < odd.size(); ++i) {
     if (odd[i] == 0) others.push_back(exposures[i]);
   }
+  if (others.size() == odd.size()) remove_trend(times_of(exposures), levels.logs);
   if (others.size() < odd.size() && 2 * others.size() > odd.size()) {
     // The steps to and from an odd frame are uncertain and would shift all frames behind it.
     const Levels rest = levels_of(others, events);

@@ -14,7 +14,7 @@ namespace jade::import {
 /// cause. A frame that differs from both of its neighbours, which are alike (a lost or a lit one),
 /// has a gain of its own and does not change those of the others.
 /// @param exposures  frames and times, in order; poses are not used
-/// @return one gain per frame, with a median of 1; empty if gains differ by less than a
+/// @return one gain per frame, around 1; empty if gains differ by less than a
 ///   twentieth or by no more than noise
 /// @throws Interrupted.
 std::vector<double> estimate_frame_gains(const std::vector<data::Exposure>& exposures,
