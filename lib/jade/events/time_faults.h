@@ -52,7 +52,7 @@ constexpr int64_t kMostStrays = 100;
 
 /// The positions of sorted times without strays: one time in a thousand or fewer at either end (at
 /// least 3, at most kMostStrays) that a pause longer than all the rest and than 10 s parts from it.
-/// All of fewer than 100 times.
+/// Fewer than 100 times have no strays.
 /// @param head,tail  the first and last kMostStrays + 1 times, or all, in any unit
 /// @param second     length of a second in that unit
 Stretch without_strays(int64_t count, const std::vector<double>& head,

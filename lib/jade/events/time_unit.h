@@ -57,7 +57,7 @@ std::optional<TimeUnit> unit_by_length(double first, double last, TimeUnit unit,
 
 /// The unit of event times beside frames that may have another clock: as guess_time_unit() without
 /// exposures, unless the events cover the frames in another unit only, in which `count` of them
-/// have the rate of a camera, and in the usual one they have not.
+/// have the rate of a camera, and have another rate in the usual unit.
 TimeUnit unit_beside_frames(double first, double last, bool has_fraction, int64_t count,
                             const TimeWindow& frames);
 

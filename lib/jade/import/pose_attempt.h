@@ -20,7 +20,8 @@ struct Attempt {
   double blur_px = 0;   ///< length of that blur: the larger one of its poses and of the events
   std::string problem;  ///< why it failed; empty if it produced a model
 
-  /// Whether the frames have enough blur to check the poses by it. Of less, noise hides the share.
+  /// Whether the frames have enough blur to check the poses by it. With less, noise hides the
+  /// share.
   bool has_blur() const { return blur_px >= 2; }
 };
 
