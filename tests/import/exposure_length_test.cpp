@@ -70,6 +70,13 @@ TEST_CASE("exposure length: the error covers the truth, also of short exposures"
   }
 }
 
+TEST_CASE("exposure length: too little blur is named as such", "[import]") {
+  const test::PatternRecording recording = recorded(1500);
+  const import::ExposureLength found = import::estimate_exposure_length(
+      stamped(recording, recording::Stamp::kStart), recording.events, std::nullopt);
+  CHECK_THAT(found.doubt, Catch::Contains(" ms off; is there motion blur?"));
+}
+
 TEST_CASE("exposure length: in doubt where frames and events tell nothing of it", "[import]") {
   const test::PatternRecording recording = recorded(30000);
   auto frames = stamped(recording, recording::Stamp::kMiddle);

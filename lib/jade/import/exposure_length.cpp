@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/progress.h"
+#include "jade/core/readable.h"
 #include "jade/data/event_consistency.h"
 
 namespace jade::import {
@@ -165,8 +166,12 @@ std::string doubt_of(const ExposureLength& result, const LengthSearch& search, d
   if (fit.unexplained > kMostUnexplained) return "events do not explain how the frames change";
   double worst = fit.loss;
   for (const double loss : result.losses) worst = std::max(worst, loss);
-  if (worst - fit.loss < 0.01 || result.error_us > kMostError * double(result.length_us)) {
+  if (worst - fit.loss < 0.01) {
     return "frames and events agree alike at all lengths; is there motion blur?";
+  }
+  if (result.error_us > kMostError * double(result.length_us)) {
+    return concat("the best, ", readable(double(result.length_us) / 1000, 2), " ms, may be ",
+                  readable(result.error_us / 1000, 2), " ms off; is there motion blur?");
   }
   return "";
 }
