@@ -231,31 +231,24 @@ inline float2 emulated_from_halves(uint32_t both) {
   return {float(c10::Half(uint16_t(both), c10::Half::from_bits())),
           float(c10::Half(uint16_t(both >> 16), c10::Half::from_bits()))};
 }
-/// The first lane to continue computes for all: the others are waiting, so their arguments are
-/// valid.
-inline void emulated_multiply_add_f16(float (&d)[4], const uint32_t (&a)[4],
-                                      const uint32_t (&b)[2]) {
+/// D += A · B of 16 x kDepth and kDepth x 8 by a warp; place(a, b, lane / 4, lane % 4, A, B) puts a
+/// lane's elements into the matrices. The first lane to continue computes for all: the others are
+/// waiting, so their arguments are valid.
+template <unsigned kDepth, class Element, class Place>
+void emulated_multiply_add(float (&d)[4], const Element (&a)[4], const Element (&b)[2],
+                           const Place& place) {
   struct Lane {
     float* d;
-    const uint32_t *a, *b;
+    const Element *a, *b;
     bool done;
   } mine{d, a, b, false};
   const auto all =
       jade::emulated::meet_warp(jade::emulated::Meeting::kShuffle, ~0u, uint64_t(&mine));
   if (mine.done) return;
-  float left[16][16], right[16][8];
+  float left[16][kDepth], right[kDepth][8];
   for (unsigned lane = 0; lane < 32; ++lane) {
     Lane& from = *reinterpret_cast<Lane*>(all.values[lane]);
-    const unsigned g = lane / 4, t = lane % 4;
-    for (unsigned k = 0; k < 4; ++k) {
-      const float2 both = emulated_from_halves(from.a[k]);
-      float* const to = left[g + 8 * (k % 2)] + 2 * t + 8 * (k / 2);
-      to[0] = both.x, to[1] = both.y;
-    }
-    for (unsigned k = 0; k < 2; ++k) {
-      const float2 both = emulated_from_halves(from.b[k]);
-      right[2 * t + 8 * k][g] = both.x, right[2 * t + 8 * k + 1][g] = both.y;
-    }
+    place(from.a, from.b, lane / 4, lane % 4, left, right);
     from.done = true;
   }
   for (unsigned lane = 0; lane < 32; ++lane) {
@@ -263,8 +256,36 @@ inline void emulated_multiply_add_f16(float (&d)[4], const uint32_t (&a)[4],
     for (unsigned i = 0; i < 4; ++i) {
       double sum = to[i];
       const unsigned m = lane / 4 + 8 * (i / 2), n = 2 * (lane % 4) + i % 2;
-      for (unsigned k = 0; k < 16; ++k) sum += double(left[m][k]) * right[k][n];
+      for (unsigned k = 0; k < kDepth; ++k) sum += double(left[m][k]) * right[k][n];
       to[i] = toward_zero(sum);
     }
   }
+}
+inline void emulated_multiply_add_f16(float (&d)[4], const uint32_t (&a)[4],
+                                      const uint32_t (&b)[2]) {
+  const auto place = [](const uint32_t* from_a, const uint32_t* from_b, unsigned g, unsigned t,
+                        auto& left, auto& right) {
+    for (unsigned k = 0; k < 4; ++k) {
+      const float2 both = emulated_from_halves(from_a[k]);
+      float* const to = left[g + 8 * (k % 2)] + 2 * t + 8 * (k / 2);
+      to[0] = both.x, to[1] = both.y;
+    }
+    for (unsigned k = 0; k < 2; ++k) {
+      const float2 both = emulated_from_halves(from_b[k]);
+      right[2 * t + 8 * k][g] = both.x, right[2 * t + 8 * k + 1][g] = both.y;
+    }
+  };
+  emulated_multiply_add<16>(d, a, b, place);
+}
+/// The hardware ignores the lower 13 bits of the mantissa.
+inline float emulated_tf32(float x) { return __uint_as_float(__float_as_uint(x) & ~0x1fffu); }
+inline void emulated_multiply_add_tf32(float (&d)[4], const float (&a)[4], const float (&b)[2]) {
+  const auto place = [](const float* from_a, const float* from_b, unsigned g, unsigned t,
+                        auto& left, auto& right) {
+    for (unsigned k = 0; k < 4; ++k) {
+      left[g + 8 * (k % 2)][t + 4 * (k / 2)] = emulated_tf32(from_a[k]);
+    }
+    for (unsigned k = 0; k < 2; ++k) right[t + 4 * k][g] = emulated_tf32(from_b[k]);
+  };
+  emulated_multiply_add<8>(d, a, b, place);
 }

@@ -45,4 +45,23 @@ __device__ __forceinline__ void multiply_add_f16(float (&d)[4], const uint32_t (
 #endif
 }
 
+/// D += A · B by the whole warp, A 16x8, B 8x8, D 16x8. A and B are cut to TF32 (11 bits): the
+/// tensor cores ignore the lower 13 bits of a float. With g = lane / 4 and t = lane % 4 a lane
+/// holds
+///     a = A[g][t], A[g+8][t], A[g][t+4], A[g+8][t+4]        b = B[t][g], B[t+4][g]
+///     d = D[g][2t], D[g][2t+1], D[g+8][2t], D[g+8][2t+1]
+/// (PTX: mma.m16n8k8, .tf32).
+__device__ __forceinline__ void multiply_add_tf32(float (&d)[4], const float (&a)[4],
+                                                  const float (&b)[2]) {
+#if !defined(__CUDACC__)
+  emulated_multiply_add_tf32(d, a, b);  // tests/emulated
+#else
+  asm("mma.sync.aligned.m16n8k8.row.col.f32.tf32.tf32.f32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, "
+      "{%0,%1,%2,%3};"
+      : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
+      : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
+        "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b[0])), "r"(__float_as_uint(b[1])));
+#endif
+}
+
 }  // namespace jade::kernel

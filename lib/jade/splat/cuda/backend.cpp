@@ -4,6 +4,7 @@
 #include "jade/splat/backend.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cuda_runtime_api.h>
 #include <string>
 #include <utility>
@@ -81,6 +82,7 @@ RenderCall make_call(const ForwardArgs& args) {
   call.near_plane = static_cast<float>(args.near_plane);
   call.far_plane = static_cast<float>(args.far_plane);
   call.max_alpha = static_cast<float>(args.max_alpha);
+  call.log2_max_alpha = std::log2(call.max_alpha);
   call.activated = args.activated;
   call.antialiased = args.antialiased;
   call.channel_stride = args.interleaved ? 1 : args.width * args.height;

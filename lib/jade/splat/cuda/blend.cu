@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Blending and its adjoint: one block per tile, one warp per quarter of it, one lane per two
 // pixels, or per one pixel late in a list of the forward pass.
-#include <type_traits>
-
+#include "jade/kernel/tensor_core.cuh"
 #include "jade/splat/cuda/blend.cuh"
 #include "jade/splat/cuda/launch.h"
 #include "jade/splat/cuda/warp.cuh"
@@ -60,7 +59,7 @@ __device__ __forceinline__ void store_pixel(const RenderCall& call, const Images
 /// no pixel, for example because all of them have stopped, so that the adjoint skips them. While
 /// most pixels are alive, nearly every splat changes one, so this is not checked.
 template <bool kDepth, bool kGradient>
-__global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
+__global__ void __launch_bounds__(kBlendThreads, kBlendBlocks - kDepth)
     blend_kernel(const __grid_constant__ RenderCall call, const Images images,
                  const Clearing clearing) {
   __shared__ WarpStage stages[kBlendThreads / 32];
@@ -71,26 +70,25 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
   WarpStage& stage = stages[pixels.quarter];
   if (kGradient) clear(clearing);
   int place = 2 * (threadIdx.x & 31);  // of the lane's first pixel; −1 if none is alive
-  float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
-  float py = float(pixels.y) + 0.5f;
+  float px = from_middle(place % kSubtile), py = from_middle(place / kSubtile);
   PixelSums s;
   for (int k = 0; k < 2; ++k) s.t[k] = first_transmittance(pixels.inside[k]);
-  const auto blend = [&](int j, auto count) {
-    const float4 p = stage.splat[j][0], q = stage.splat[j][1], r = stage.splat[j][2];
-    const m::Falloff<float> falloff{p.z, p.w, q.x};
-    const m::RowFalloff<float> row = m::at_row(falloff, q.y, py - p.y);
+  const auto blend = [&](int j, auto count, auto capped) {
+    const QuarterSplat splat(stage.splat[j]);
+    const m::RowFalloff<float> row = m::at_row(splat.exponent, py);
 #pragma unroll
     for (int k = 0; k < decltype(count)::value; ++k) {
-      const auto step = m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x),
-                                                             call.max_alpha, &s.t[k]);
-      s.red[k] = fmaf(step.weight, q.z, s.red[k]);
-      s.green[k] = fmaf(step.weight, q.w, s.green[k]);
-      s.blue[k] = fmaf(step.weight, r.x, s.blue[k]);
-      if (kDepth) s.depth[k] = fmaf(step.weight, r.y, s.depth[k]);
+      const auto step = m::blend_step<FastArithmetic, false, decltype(capped)::value>(
+          m::exponent(row, px + float(k)), call.max_alpha, &s.t[k]);
+      if (!step.goes_on) continue;  // a predicate instead of a choice between `used` and 0
+      s.red[k] = fmaf(step.used, splat.red, s.red[k]);
+      s.green[k] = fmaf(step.used, splat.green, s.green[k]);
+      s.blue[k] = fmaf(step.used, splat.blue, s.blue[k]);
+      if (kDepth) s.depth[k] = fmaf(step.used, splat.depth, s.depth[k]);
     }
   };
   bool narrow = false;    // one pixel per lane
-  uint32_t changing = 0;  // bit j: the splat at stage.splat[j] changed this lane's pixel
+  uint32_t changing = 0;  // the highest bit: the last splat changed this lane's pixel; and so on
   const auto begin_narrow = [&](const AlivePixels& alive) {
     for (int k = 0; k < 2; ++k) {
       if (s.t[k] <= 0) store_pixel<kDepth>(call, images, pixels, place + k, k, s);
@@ -101,25 +99,26 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
     one.take(s.green);
     one.take(s.blue);
     if (kDepth) one.take(s.depth);
-    px[0] = float(pixels.x_of(one.place())) + 0.5f;
-    py = float(pixels.y_of(one.place())) + 0.5f;
+    px = from_middle(one.place() % kSubtile);
+    py = from_middle(one.place() / kSubtile);
     place = one.taken() ? one.place() : -1;
     narrow = true;
   };
   stream_tile(
       call, pixels, stage, round, round_keys, [&] { return any_alive(s.t); },
-      [&](int begin, int end) {
+      [&](int begin, int end, bool capped) {
         if (narrow) {
-          uint32_t changed = 0;
-          for_group<kGroup>(begin, end, [&](int j, int k) {
+          for_group<1, kGroup / 2>(begin, end, capped, [&](int j, int, auto cap) {
             const float before = s.t[0];
-            blend(j, std::integral_constant<int, 1>());
-            if (kGradient && s.t[0] != before) changed |= 1u << k;
+            blend(j, std::integral_constant<int, 1>(), cap);
+            if (!kGradient) return;
+            if (s.t[0] != before) changing |= 1;
+            changing = changing >> 1 | changing << 31;
           });
-          changing |= changed << begin;
         } else {
-          for_group<kGroup>(begin, end,
-                            [&](int j, int) { blend(j, std::integral_constant<int, 2>()); });
+          for_group<1, kGroup / 2>(begin, end, capped, [&](int j, int, auto cap) {
+            blend(j, std::integral_constant<int, 2>(), cap);
+          });
         }
       },
       [&](uint32_t* entries, int count) {
@@ -131,7 +130,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
         if (!kGradient) return;
         const int lane = threadIdx.x & 31;
         const uint32_t all = __reduce_or_sync(~0u, changing);
-        if (entries != nullptr && lane < count && (all >> lane & 1) == 0) {
+        if (entries != nullptr && lane < count && (all >> ((lane - count) & 31) & 1) == 0) {
           atomicAnd(entries + stage.position[lane], ~(1u << pixels.quarter));
         }
         changing = 0;
@@ -146,6 +145,11 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks)
 struct PixelGradients {
   float red[2], green[2], blue[2], depth[2], behind[2];
 };
+
+/// A factor of dL/dpixel, in which the adjoint's sums are linear. Their terms are cut to TF32
+/// (SumFactors), which loses 2^-12 / ln 2 of a term on average, if the logarithms of terms are
+/// evenly spread. The factor restores this mean, so that gradients are not shorter.
+constexpr float kRestoredMean = 1.0f + 0x1p-12f * float(m::kLog2E);
 
 /// Loads the gradients; returns in `background` this lane's part of dL/dbackground.
 template <bool kDepth>
@@ -179,6 +183,9 @@ __device__ __forceinline__ PixelGradients load_gradients(const RenderCall& call,
       g.depth[k] = images.grad_depth_sum[alpha_at + i];
       g.behind[k] += g.depth[k] * images.depth_sum[alpha_at + i];
     }
+    for (float* const value : {&g.red[k], &g.green[k], &g.blue[k], &g.depth[k], &g.behind[k]}) {
+      *value *= kRestoredMean;
+    }
   }
   return g;
 }
@@ -203,156 +210,171 @@ __device__ __forceinline__ void add_background(const RenderCall& call, const Pix
   }
 }
 
-constexpr int kQuarterPixels = kSubtile * kSubtile;
-constexpr int kSplatStride = kQuarterPixels + 16;  ///< avoids bank conflicts of the readers
+/// Sums over a splat's pixels on the tensor cores. D += A · B with
+///     A [16, 8]  value of splat m / 8 of a pair, in row m % 8 of the quarter, at k
+///     B [8, 8]   factor of the value at k in sum n
+///     D [16, 8]  sum n of splat m / 8 over the row m % 8.
+/// A lane's pixels lie in row g = lane / 4, columns 2 t and 2 t + 1, t = lane % 4. Of A a lane
+/// holds the elements (g, t), (g + 8, t), (g, t + 4), (g + 8, t + 4): if k stands for column 2 k,
+/// or from 4 on for 2 (k − 4) + 1, these are its two pixels for both splats, so values go from
+/// registers to the tensor cores. Of D it gets sums 2 t and 2 t + 1 of row g for both splats.
+///
+/// Three products add up to one D: of u, for its moments along the row; of a lane's contributions
+/// to dL/dred (k < 4) and dL/dgreen (k ≥ 4); and of those to dL/dblue and dL/ddepth, or, without
+/// depth, of each pixel's contribution to dL/dblue. Sums n are
+///     u, red, u x, green, u x², blue, depth or 0, 0         (x from the quarter's middle)
+/// so that the four lanes that later share a splat, two sums each, have equal work (sum_rows()).
+struct SumFactors {
+  float moments[2], red_green[2], blue_depth[2];  ///< this lane's elements of each B
 
-/// A group's per-pixel gradients of one warp, summed with one lane per splat and pixel block.
-struct WarpSums {
-  float u[kGroup * kSplatStride];       ///< dL/d ln α
-  float weight[kGroup * kSplatStride];  ///< α T
-};
-
-/// Four lanes share a splat: lane q of them sums 4 x 1 pixel blocks in rows 2 i + q / 2 and columns
-/// from 4 (q % 2). Moments are taken relative to the middle of the lane's pixels, then relative to
-/// the splat. Afterwards lane q has sums 2 q and 2 q + 1 of the first eight in values[0] and [1],
-/// and every lane has the others.
-template <bool kDepth>
-__device__ __forceinline__ void sum_splat(const WarpSums& s, const float (*grad)[kQuarterPixels],
-                                          int splat, int q, float middle_x, float middle_y,
-                                          float* values) {
-  float m0 = 0, mx = 0, my = 0, mxx = 0, mxy = 0, myy = 0, color[4] = {0, 0, 0, 0};
-#pragma unroll
-  for (int i = 0; i < 4; ++i) {
-    const int at = (4 * i + q) * 4;
-    const float4 u = *reinterpret_cast<const float4*>(s.u + splat * kSplatStride + at);
-    const float4 w = *reinterpret_cast<const float4*>(s.weight + splat * kSplatStride + at);
-    const float outer = u.x + u.w, inner = u.y + u.z, y = float(2 * i - 3);
-    const float row = outer + inner, row_x = 1.5f * (u.w - u.x) + 0.5f * (u.z - u.y);
-    m0 += row;
-    mx += row_x;
-    mxx += 2.25f * outer + 0.25f * inner;
-    my += y * row;
-    myy += y * y * row;
-    mxy += y * row_x;
-#pragma unroll
-    for (int c = 0; c < 3 + kDepth; ++c) {
-      const float4 g = *reinterpret_cast<const float4*>(grad[c] + at);
-      color[c] += w.x * g.x + w.y * g.y + w.z * g.z + w.w * g.w;
+  __device__ __forceinline__ SumFactors(int lane, bool depth) {
+    const int n = lane >> 2;
+    for (int i = 0; i < 2; ++i) {
+      const float x = from_middle(2 * (lane & 3) + i);
+      moments[i] = n == 0 ? 1.0f : n == 2 ? x : n == 4 ? x * x : 0.0f;
+      red_green[i] = n == (i == 0 ? 1 : 3) ? 1.0f : 0.0f;
+      blue_depth[i] = n == (depth ? 5 + i : 5) ? 1.0f : 0.0f;
     }
   }
-  const float x1 = mx + middle_x * m0, y1 = my + middle_y * m0;
-  values[0] = m0;
-  values[1] = x1;
-  values[2] = y1;
-  values[3] = mxx + middle_x * (mx + x1);
-  values[4] = mxy + middle_x * y1 + middle_y * mx;
-  values[5] = myy + middle_y * (my + y1);
-  values[6] = color[0];
-  values[7] = color[1];
-  values[8] = color[2];
-  exchange_halves<4>(values, 2, q & 2);
-  exchange_halves<2>(values, 1, q & 1);
-  for (int k = 8; k < m::kPixelSums + kDepth; ++k) {
-    if (k == m::kPixelSums) values[k] = color[3];
-    values[k] += __shfl_xor_sync(~0u, values[k], 2);
-    values[k] += __shfl_xor_sync(~0u, values[k], 1);
+};
+
+constexpr int kAdjointBlocks = 6;               ///< per multiprocessor
+constexpr int kPairsAtOnce = 2;                 ///< of splats, in an unrolled loop
+constexpr int kSplatStride = 8 * kSubtile + 8;  ///< avoids bank conflicts of sum_rows()
+
+/// Shared memory of a warp. One struct, so that one register addresses both parts.
+struct alignas(16) WarpAdjoint {
+  WarpStage stage;
+  float sums[kGroup * kSplatStride];  ///< over the rows of a group's splats: [splat][row][n]
+};
+
+/// Four lanes share a splat: lane q of them adds up sums 2 q and 2 q + 1 of all rows. Afterwards
+/// its values[i], i < 3, belong to place_of(q, i) of the splat's kPixelSums (+ 1).
+__device__ __forceinline__ void sum_rows(const float* sums, int splat, int q, float dx, float dy,
+                                         float* values) {
+  float s0 = 0, sy = 0, syy = 0, color = 0;  // of the even sum: moments along y; of the odd one
+#pragma unroll
+  for (int row = 0; row < kSubtile; ++row) {
+    const float2 v =
+        *reinterpret_cast<const float2*>(sums + splat * kSplatStride + row * kSubtile + 2 * q);
+    const float y = from_middle(row);
+    s0 += v.x;
+    sy += y * v.x;
+    syy += y * y * v.x;
+    color += v.y;
   }
+  const int first = threadIdx.x & 28;  // of the splat's lanes
+  const float m0 = __shfl_sync(~0u, s0, first), mx = __shfl_sync(~0u, s0, first + 1);
+  const float my = __shfl_sync(~0u, sy, first), myy = __shfl_sync(~0u, syy, first);
+  // From moments about the quarter's middle to those about the splat.
+  const float x1 = mx + dx * m0, y1 = my + dy * m0;
+  const float xx = s0 + dx * (mx + x1), yy = myy + dy * (my + y1), xy = sy + dx * y1 + dy * mx;
+  values[0] = q == 0 ? m0 : q == 1 ? x1 : q == 2 ? xx : yy;
+  values[1] = q == 0 ? y1 : q == 1 ? xy : s0;
+  values[2] = color;
+}
+
+/// Negative: none.
+template <bool kDepth>
+__device__ __forceinline__ int place_of(int q, int i) {
+  if (i == 0) return q + max(q - 1, 0);                              // u, x, xx, yy
+  if (i == 2) return q < 3 ? 6 + q : -1;                             // red, green, blue
+  return q < 2 ? 2 + 2 * q : kDepth && q == 3 ? m::kPixelSums : -1;  // y, xy, none, depth
 }
 
 template <bool kDepth, bool kSlots>
-__global__ void __launch_bounds__(kBlendThreads, kDepth || kSlots ? 5 : 6)
+__global__ void __launch_bounds__(kBlendThreads, kAdjointBlocks - (kDepth && kSlots))
     blend_adjoint_kernel(const __grid_constant__ RenderCall call,
                          const __grid_constant__ ImageGradients images,
                          const __grid_constant__ Gradients gradients) {
   constexpr int kValues = m::kPixelSums + kDepth;
-  __shared__ WarpStage stages[kBlendThreads / 32];
-  __shared__ __align__(16) WarpSums all_sums[kBlendThreads / 32];
-  __shared__ __align__(16) float grads[kBlendThreads / 32][3 + kDepth][kQuarterPixels];
-  static_assert(sizeof(all_sums) >= kRoundKeys * sizeof(uint64_t), "rounds borrow this memory");
+  __shared__ WarpAdjoint warps[kBlendThreads / 32];
+  static_assert(sizeof(warps) >= kRoundKeys * sizeof(uint64_t), "rounds borrow this memory");
   __shared__ RoundShared round;
   __shared__ float warp_background[kBlendThreads / 32][3];
   const Pixels pixels(call);
-  WarpStage& stage = stages[pixels.quarter];
-  WarpSums& sums = all_sums[pixels.quarter];
+  WarpStage& stage = warps[pixels.quarter].stage;
+  float* const sums = warps[pixels.quarter].sums;
   const int lane = threadIdx.x & 31;
   float background[3];
   PixelGradients g = load_gradients<kDepth>(call, pixels, images, background);
   if (gradients.background != nullptr) {
     add_background(call, pixels, gradients, background, warp_background);
   }
-  for (int k = 0; k < 2; ++k) {
-    grads[pixels.quarter][0][2 * lane + k] = g.red[k];
-    grads[pixels.quarter][1][2 * lane + k] = g.green[k];
-    grads[pixels.quarter][2][2 * lane + k] = g.blue[k];
-    if (kDepth) grads[pixels.quarter][2 + kDepth][2 * lane + k] = g.depth[k];
-  }
 
-  const float px[2] = {float(pixels.x[0]) + 0.5f, float(pixels.x[1]) + 0.5f};
-  const float py = float(pixels.y) + 0.5f;
+  const float px = from_middle(2 * (lane & 3)), py = from_middle(lane >> 2);
   float t[2];
   for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
   const int64_t global_tile = int64_t(pixels.view) * call.tiles + pixels.tile;
   const TileList list = call.tile_list[global_tile];
   const bool slots = kSlots && list.begin < call.capacity;
   float* const view_sums = gradients.sums + int64_t(pixels.view) * call.count * kValues;
-  // This lane's share of a splat when the group is summed.
-  const int q = lane & 3;
-  const float middle_x = px[0] - float(2 * (lane & 3)) + float(4 * (q & 1)) + 1.5f;
-  const float middle_y = py - float(lane >> 2) + float(q >> 1) + 3.0f;
+  const SumFactors factors(lane, kDepth);
   uint32_t progress = 0;
-  const auto blend = [&](int j, int in_group) {
-    const float4 p = stage.splat[j][0], q4 = stage.splat[j][1], r = stage.splat[j][2];
-    const m::Falloff<float> falloff{p.z, p.w, q4.x};
-    const m::RowFalloff<float> row = m::at_row(falloff, q4.y, py - p.y);
-    float u[2], weights[2];
+  const auto blend_pair = [&](int j, int in_group, auto capped) {
+    constexpr bool kCapped = decltype(capped)::value;
+    float u[4], red_green[4], blue_depth[4], d[4] = {0, 0, 0, 0};
 #pragma unroll
-    for (int k = 0; k < 2; ++k) {
-      const auto step = m::blend_step<FastArithmetic, false>(m::exponent(row, px[k] - p.x),
-                                                             call.max_alpha, &t[k]);
-      float value = g.red[k] * q4.z + g.green[k] * q4.w + g.blue[k] * r.x;
-      if (kDepth) value += g.depth[k] * r.y;
-      u[k] =
-          m::blend_step_adjoint<FastArithmetic, false>(step, value, call.max_alpha, &g.behind[k]);
-      weights[k] = step.weight;
+    for (int i = 0; i < 2; ++i) {
+      const QuarterSplat splat(stage.splat[j + i]);
+      const m::RowFalloff<float> row = m::at_row(splat.exponent, py);
+      float weights[2];
+#pragma unroll
+      for (int k = 0; k < 2; ++k) {
+        const auto step = m::blend_step<FastArithmetic, false, kCapped>(
+            m::exponent(row, px + float(k)), call.max_alpha, &t[k]);
+        float value = g.red[k] * splat.red + g.green[k] * splat.green + g.blue[k] * splat.blue;
+        if (kDepth) value += g.depth[k] * splat.depth;
+        u[2 * k + i] = m::blend_step_adjoint<FastArithmetic, false, kCapped>(
+            step, value, call.max_alpha, &g.behind[k]);
+        weights[k] = step.weight;
+      }
+      const auto both = [&](const float* grad) {
+        return weights[0] * grad[0] + weights[1] * grad[1];
+      };
+      red_green[i] = both(g.red);
+      red_green[2 + i] = both(g.green);
+      blue_depth[i] = kDepth ? both(g.blue) : weights[0] * g.blue[0];
+      blue_depth[2 + i] = kDepth ? both(g.depth) : weights[1] * g.blue[1];
     }
-    const int at = in_group * kSplatStride + 2 * lane;
-    *reinterpret_cast<float2*>(sums.u + at) = make_float2(u[0], u[1]);
-    *reinterpret_cast<float2*>(sums.weight + at) = make_float2(weights[0], weights[1]);
+    kernel::multiply_add_tf32(d, u, factors.moments);
+    kernel::multiply_add_tf32(d, red_green, factors.red_green);
+    kernel::multiply_add_tf32(d, blue_depth, factors.blue_depth);
+    float* const to = sums + in_group * kSplatStride + 2 * lane;  // row lane / 4, n = 2 (lane % 4)
+    *reinterpret_cast<float2*>(to) = make_float2(d[0], d[1]);
+    *reinterpret_cast<float2*>(to + kSplatStride) = make_float2(d[2], d[3]);
   };
   const auto flush = [&](int first, int count) {
     __syncwarp();
-    const int j = lane >> 2;
-    const bool active = j < count;
-    const int from = first + (active ? j : 0);
-    const float4 p = stage.splat[from][0];
-    float values[kValues];
-    sum_splat<kDepth>(sums, grads[pixels.quarter], active ? j : 0, q, middle_x - p.x,
-                      middle_y - p.y, values);
-    if (active) {
+    const int j = lane >> 2, q = lane & 3;
+    const float4 last = stage.splat[first + j][2];
+    float values[3];
+    sum_rows(sums, j, q, last.z, last.w, values);
+    if (j < count) {
       float* out;
       if (slots) {
-        const int64_t slot = (int64_t(list.begin) + stage.position[from]) * 4 + pixels.quarter;
+        const int64_t slot = (int64_t(list.begin) + stage.position[first + j]) * 4 + pixels.quarter;
         out = gradients.slots + slot * kValues;
-        for (int k = 0; k < 2; ++k) out[2 * q + k] = values[k];
-        for (int k = 8; k < kValues; ++k) {
-          if (q == k - 8) out[k] = values[k];
-        }
         progress = stage.position[first + count - 1] + 1;
       } else {
-        out = view_sums + int64_t(stage.entry[from] >> kMaskBits) * kValues;
-        for (int k = 0; k < 2; ++k) atomicAdd(out + 2 * q + k, values[k]);
-        for (int k = 8; k < kValues; ++k) {
-          if (q == k - 8) atomicAdd(out + k, values[k]);
+        out = view_sums + int64_t(stage.entry[first + j] >> kMaskBits) * kValues;
+      }
+      for (int i = 0; i < 3; ++i) {
+        const int place = place_of<kDepth>(q, i);
+        if (place < 0) continue;
+        if (slots) {
+          out[place] = values[i];
+        } else {
+          atomicAdd(out + place, values[i]);
         }
       }
     }
     __syncwarp();
   };
   stream_tile(
-      call, pixels, stage, round, reinterpret_cast<uint64_t*>(all_sums),
-      [&] { return any_alive(t); },
-      [&](int begin, int end) {
-        for_group<4>(begin, end, blend);
+      call, pixels, stage, round, reinterpret_cast<uint64_t*>(warps), [&] { return any_alive(t); },
+      [&](int begin, int end, bool capped) {
+        for_group<2, kPairsAtOnce>(begin, end, capped, blend_pair);
         flush(begin, end - begin);
       },
       [](const uint32_t*, int) {});

@@ -2,19 +2,14 @@
 // Shared by both blending passes: a warp's pixels and its walk through a tile's list.
 #pragma once
 
+#include <type_traits>
+
 #include "jade/splat/cuda/unlisted.cuh"
 #include "jade/splat/math/blend.h"
 
 namespace jade::splat::cuda {
 
 constexpr int kGroup = 8;  ///< splats between two checks for stopped pixels
-
-/// Splats being loaded for a warp's pixels.
-struct WarpStage {
-  float4 splat[32][3];
-  uint32_t entry[64];     ///< waiting to be loaded
-  uint32_t position[64];  ///< in the tile's list
-};
 
 /// The arithmetic of math::blend_step() by the special function units, 2 ulp.
 struct FastArithmetic {
@@ -29,14 +24,25 @@ struct FastArithmetic {
   }
   static __device__ __forceinline__ float product(float a, float b) { return __fmul_rn(a, b); }
   static __device__ __forceinline__ float times_ratio(float x, float a, float b) {
-    return __fdividef(x * a, b);
+#ifdef __CUDACC__
+    float inverse;  // b is never small enough for the range checks of a division
+    asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(b));
+    return x * a * inverse;
+#else
+    return x * a / b;            // tests/emulated
+#endif
   }
 };
 
+/// Offset of a row's or column's pixel centres from the middle of the quarter.
+__device__ __forceinline__ float from_middle(int line) {
+  return float(line) - 0.5f * (kSubtile - 1);
+}
+
 /// One block's tile and one lane's two pixels, side by side in the warp's quarter.
 struct Pixels {
-  int view, tile, tile_x, tile_y, quarter;
-  int x[2], y;
+  int view, tile, quarter;
+  int left, top;  ///< of the quarter, px
   bool inside[2];
   int64_t offset[2];  ///< in a plane of the view's image
 
@@ -44,23 +50,54 @@ struct Pixels {
     const int global_tile = call.tile_order[blockIdx.x], lane = threadIdx.x & 31;
     view = global_tile / call.tiles;
     tile = global_tile - view * call.tiles;
-    tile_y = tile / call.tiles_x;
-    tile_x = tile - tile_y * call.tiles_x;
     quarter = threadIdx.x >> 5;
-    y = tile_y * kTile + (quarter >> 1) * kSubtile + (lane >> 2);
+    top = tile / call.tiles_x * kTile + (quarter >> 1) * kSubtile;
+    left = tile % call.tiles_x * kTile + (quarter & 1) * kSubtile;
     for (int k = 0; k < 2; ++k) {
-      x[k] = tile_x * kTile + (quarter & 1) * kSubtile + 2 * (lane & 3) + k;
-      inside[k] = x[k] < call.width && y < call.height;
-      offset[k] = int64_t(y) * call.width + x[k];
+      const int x = x_of(2 * lane + k), y = y_of(2 * lane);
+      inside[k] = x < call.width && y < call.height;
+      offset[k] = int64_t(y) * call.width + x;
     }
   }
 
   /// Column of a place in the quarter, place = 8 · row + column. A lane owns 2 · lane and the next.
-  __device__ __forceinline__ int x_of(int place) const {
-    return tile_x * kTile + (quarter & 1) * kSubtile + place % kSubtile;
+  __device__ __forceinline__ int x_of(int place) const { return left + place % kSubtile; }
+  __device__ __forceinline__ int y_of(int place) const { return top + place / kSubtile; }
+};
+
+/// A splat as a quarter's pixels need it: its exponent about the quarter's middle.
+struct QuarterSplat {
+  m::LocalFalloff<float> exponent;
+  float red, green, blue, depth;
+  float dx, dy;  ///< from the splat to the middle
+
+  __device__ __forceinline__ explicit QuarterSplat(const float4* from) {
+    const float4 p = from[0], q = from[1], r = from[2];
+    exponent = {{p.x, p.y, p.z}, p.w, q.x, q.y};
+    red = q.z, green = q.w, blue = r.x, depth = r.y;
+    dx = r.z, dy = r.w;
   }
-  __device__ __forceinline__ int y_of(int place) const {
-    return tile_y * kTile + (quarter >> 1) * kSubtile + place / kSubtile;
+};
+
+constexpr float kInvisible = -1e30f;  ///< log2 of an opacity
+
+/// Splats being loaded for a warp's pixels.
+struct WarpStage {
+  float4 splat[32][3];    ///< QuarterSplat
+  uint32_t entry[64];     ///< waiting to be loaded
+  uint32_t position[64];  ///< in the tile's list
+
+  /// Sets splat[i]; returns whether its α can exceed the maximum in the quarter.
+  __device__ __forceinline__ bool set(int i, const Splat& s, const Pixels& pixels,
+                                      float log2_max_alpha) {
+    const float dx = float(pixels.left + kSubtile / 2) - s.x;
+    const float dy = float(pixels.top + kSubtile / 2) - s.y;
+    const m::Falloff<float> falloff{s.a, s.b, s.c};
+    const auto f = m::about(falloff, s.log2_opacity, dx, dy);
+    splat[i][0] = make_float4(s.a, s.b, s.c, f.value);
+    splat[i][1] = make_float4(f.slope_x, f.slope_y, s.red, s.green);
+    splat[i][2] = make_float4(s.blue, s.depth, dx, dy);
+    return m::exponent_bound(falloff, s.log2_opacity, dx, dy) > log2_max_alpha;
   }
 };
 
@@ -111,29 +148,36 @@ class OnePixel {
   bool taken_;
 };
 
-/// Calls blend(j, j − first) for the splats of a group. Nearly all groups are full: the loop then
-/// counts only splats, kUnroll of them at a time.
-template <int kUnroll, class Blend>
-__device__ __forceinline__ void for_group(int first, int end, const Blend& blend) {
-  if (end - first == kGroup) {
+/// Calls blend(j, j − first, std::bool_constant capped) for every kStep-th splat of a group. Nearly
+/// all groups are full: the loop then counts only splats, kUnroll steps at a time.
+template <int kStep, int kUnroll, class Blend>
+__device__ __forceinline__ void for_group(int first, int end, bool capped, const Blend& blend) {
+  const auto full = [&](auto cap) {
 #pragma unroll kUnroll
-    for (int k = 0; k < kGroup; ++k) blend(first + k, k);
-  } else {
+    for (int k = 0; k < kGroup; k += kStep) blend(first + k, k, cap);
+  };
+  if (end - first < kGroup) {
 #pragma unroll 1
-    for (int j = first; j < end; ++j) blend(j, j - first);
+    for (int j = first; j < end; j += kStep) blend(j, j - first, std::true_type());
+  } else if (capped) {
+    full(std::true_type());
+  } else {
+    full(std::false_type());
   }
 }
 
 /// Streams the splats of a list that reach the warp's quarter through `stage`, in order, in groups
-/// of at most eight: calls alive() before each group, and group(first, end) for the splats at
-/// stage.splat[first … end − 1]. After at most 32 splats, and when no pixel is alive, calls
-/// seen(count) for those processed since, at stage.position from 0 on. Returns whether a pixel was
-/// still alive at the end.
+/// of at most eight: calls alive() before each group, and group(first, end, capped) for the splats
+/// at stage.splat[first … end − 1]; `capped` if the α of one of them can exceed its maximum. An
+/// odd number of splats is followed by one that is visible nowhere. After at most 32 splats, and
+/// when no pixel is alive, calls seen(count) for those processed since, at stage.position from 0
+/// on. Returns whether a pixel was still alive at the end.
 template <class Alive, class Group, class Seen>
-__device__ __forceinline__ bool stream(const uint32_t* list, int count, int quarter,
-                                       const Splat* splats, WarpStage& stage, const Alive& alive,
-                                       const Group& group, const Seen& seen) {
-  const int lane = threadIdx.x & 31;
+__device__ __forceinline__ bool stream(const RenderCall& call, const Pixels& pixels,
+                                       const uint32_t* list, int count, WarpStage& stage,
+                                       const Alive& alive, const Group& group, const Seen& seen) {
+  const Splat* const splats = call.splats + int64_t(pixels.view) * call.count;
+  const int lane = threadIdx.x & 31, quarter = pixels.quarter;
   const uint32_t before = (1u << lane) - 1;
   int waiting = 0;
   uint32_t entry = lane < count ? list[lane] : 0;
@@ -151,11 +195,11 @@ __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quar
     const int ready = base + 32 >= count ? min(waiting, 32) : waiting & 32;
     if (ready == 0) continue;
     uint32_t later_entry = 0, later_position = 0;
-    if (lane < ready) {
-      const float4* const source =
-          reinterpret_cast<const float4*>(splats + (stage.entry[lane] >> kMaskBits));
-      for (int k = 0; k < 3; ++k) stage.splat[lane][k] = __ldg(source + k);
-    }
+    Splat splat{};
+    splat.log2_opacity = kInvisible;
+    if (lane < ready) splat = load_splat(splats + (stage.entry[lane] >> kMaskBits));
+    const bool capped = stage.set(lane, splat, pixels, call.log2_max_alpha);
+    const uint32_t all_capped = __ballot_sync(~0u, capped);
     if (lane + 32 < waiting) {
       later_entry = stage.entry[lane + 32];
       later_position = stage.position[lane + 32];
@@ -166,7 +210,7 @@ __device__ __forceinline__ bool stream(const uint32_t* list, int count, int quar
         seen(begin);
         return false;
       }
-      group(begin, min(begin + kGroup, ready));
+      group(begin, min(begin + kGroup, ready), (all_capped >> begin & ((1u << kGroup) - 1)) != 0);
     }
     seen(ready);
     __syncwarp();
@@ -188,21 +232,17 @@ __device__ __forceinline__ void stream_tile(const RenderCall& call, const Pixels
                                             uint64_t* round_keys, const Alive& alive,
                                             const Group& group, const Seen& seen) {
   const TileList list = call.tile_list[pixels.view * call.tiles + pixels.tile];
-  const Splat* const splats = call.splats + int64_t(pixels.view) * call.count;
   if (list.count == 0) return;
-  if (list.begin < call.capacity) {
-    auto* const entries = reinterpret_cast<uint32_t*>(call.keys + list.begin);
-    stream(entries, int(list.count), pixels.quarter, splats, stage, alive, group,
-           [&](int count) { seen(entries, count); });
-    return;
-  }
+  const bool listed = list.begin < call.capacity;
+  auto* const entries = listed ? reinterpret_cast<uint32_t*>(call.keys + list.begin) : nullptr;
   uint64_t last = 0;
   for (;;) {
-    const int found =
-        select_round(call, pixels.view, pixels.tile_x, pixels.tile_y, round, round_keys, &last);
-    const bool on = stream(round.entries, found, pixels.quarter, splats, stage, alive, group,
-                           [&](int count) { seen(static_cast<uint32_t*>(nullptr), count); });
-    if (__syncthreads_or(on && found == kRound) == 0) return;
+    const int found = listed ? int(list.count)
+                             : select_round(call, pixels.view, pixels.left / kTile,
+                                            pixels.top / kTile, round, round_keys, &last);
+    const bool on = stream(call, pixels, listed ? entries : round.entries, found, stage, alive,
+                           group, [&](int count) { seen(entries, count); });
+    if (listed || __syncthreads_or(on && found == kRound) == 0) return;
   }
 }
 

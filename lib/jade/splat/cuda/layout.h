@@ -57,7 +57,7 @@ struct RenderCall {
   int sh_stride;  ///< coefficients in memory
   int sh_degree;
   float near_plane, far_plane;
-  float max_alpha;
+  float max_alpha, log2_max_alpha;
   bool activated;
   bool antialiased;
   int64_t channel_stride;  ///< from one channel to the next, for colours and their gradients

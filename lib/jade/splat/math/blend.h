@@ -70,6 +70,37 @@ JADE_HD S exponent(const RowFalloff<S>& row, S dx) {
   return fma(fma(row.a, dx, row.b), dx, row.c);
 }
 
+/// The exponent as a polynomial about a point, for pixels at offsets (x, y) from it:
+/// value + slope_x x + slope_y y + a x² + b x y + c y². CUDA computes it once per block of pixels.
+template <class S>
+struct LocalFalloff {
+  Falloff<S> falloff;
+  S value, slope_x, slope_y;
+};
+
+/// @param dx, dy  from the splat to the point
+template <class S>
+JADE_HD LocalFalloff<S> about(const Falloff<S>& f, S log2_opacity, S dx, S dy) {
+  return {f, exponent(at_row(f, log2_opacity, dy), dx), fma(S(2) * f.a, dx, f.b * dy),
+          fma(S(2) * f.c, dy, f.b * dx)};
+}
+
+/// For exponent() at offsets x along the row at offset y.
+template <class S>
+JADE_HD RowFalloff<S> at_row(const LocalFalloff<S>& f, S y) {
+  return {f.falloff.a, fma(f.falloff.b, y, f.slope_x),
+          fma(fma(f.falloff.c, y, f.slope_y), y, f.value)};
+}
+
+/// Upper bound of float exponents from about(dx, dy) at offsets up to 4 px: log2_opacity, and an
+/// allowance for rounding. Terms that cancel reach about 4 |a dx² + c dy²| + 250, since a dilated
+/// splat has |a|, |c| < 2.5, and each of their some ten roundings errs by 2^-24. The test finds
+/// errors of 2^-22 of this sum.
+template <class S>
+JADE_HD S exponent_bound(const Falloff<S>& f, S log2_opacity, S dx, S dy) {
+  return log2_opacity - S(0x1p-18) * (f.a * dx * dx + f.c * dy * dy) + S(0x1p-10);
+}
+
 /// True if the splat's α reaches 1/255.
 template <class S>
 JADE_HD auto is_visible(S exponent_value) {
@@ -114,22 +145,25 @@ template <class S>
 struct BlendStep {
   S raw_alpha;  ///< before the fade and the cap
   S alpha;
+  S used;                         ///< α T
   S weight;                       ///< α T, the weight of its colour
   decltype(S(0) > S(0)) goes_on;  ///< false: the pixel has stopped at this splat or before
 };
 
 /// Updates a pixel's transmittance by a splat: T(1 − α), or, if that is too small, stops the pixel
 /// before the splat by making T negative. kSmooth, for gradient tests: α fades in, nothing stops.
-template <class Arithmetic, bool kSmooth, class S>
+/// kCapped: false for splats whose α cannot exceed max_alpha anywhere.
+template <class Arithmetic, bool kSmooth, bool kCapped = true, class S>
 JADE_HD BlendStep<S> blend_step(S exponent_value, S max_alpha, S* transmittance) {
   const S t = *transmittance;
   BlendStep<S> step;
   step.raw_alpha = Arithmetic::exp2_where(is_visible(exponent_value), exponent_value);
   const S faded = kSmooth ? step.raw_alpha * fade(step.raw_alpha) : step.raw_alpha;
-  step.alpha = min(faded, max_alpha);
-  const S used = Arithmetic::product(step.alpha, t), left = t - used;
+  step.alpha = kCapped ? min(faded, max_alpha) : faded;
+  step.used = Arithmetic::product(step.alpha, t);
+  const S left = t - step.used;
   step.goes_on = left > S(kSmooth ? -1 : kMinTransmittance);
-  step.weight = keep(step.goes_on, used);
+  step.weight = keep(step.goes_on, step.used);
   *transmittance = select(step.goes_on, left, make_negative(t));
   return step;
 }
@@ -140,13 +174,14 @@ JADE_HD BlendStep<S> blend_step(S exponent_value, S max_alpha, S* transmittance)
 ///     dL/dα_i = T_i v_i − B_i / (1 − α_i),  u_i = α_i dL/dα_i = α_i T_i v_i − B_i α_i / (1 − α_i).
 ///     Front to back, *behind starts as B_{-1} = ⟨dL/dC, C⟩ and decreases by α_i T_i v_i at each
 ///     splat. Clamped and stopped values are constant: both give 0. dL/dc_i = weight · dL/dC.
-template <class Arithmetic, bool kSmooth, class S>
+template <class Arithmetic, bool kSmooth, bool kCapped = true, class S>
 JADE_HD S blend_step_adjoint(const BlendStep<S>& step, S value, S max_alpha, S* behind) {
   const S weighted = step.weight * value;
   *behind = *behind - weighted;
   S u = weighted - Arithmetic::times_ratio(*behind, step.alpha, S(1) - step.alpha);
   if constexpr (kSmooth) u = u * fade_adjoint(step.raw_alpha);
-  return keep((step.weight > S(0)) & (step.alpha < max_alpha), u);
+  if constexpr (kCapped) return keep((step.weight > S(0)) & (step.alpha < max_alpha), u);
+  return keep(step.goes_on, u);  // α = 0 gives 0
 }
 
 }  // namespace JADE_ISA
