@@ -209,6 +209,9 @@ template <class T>
 T __shfl_down_sync(uint32_t mask, T value, int by) {
   return jade::emulated::shuffle(mask, value, int(jade::emulated::lane()) + by);
 }
+inline uint32_t __reduce_add_sync(uint32_t mask, uint32_t value) {
+  return jade::emulated::reduce(mask, value, [](uint32_t a, uint32_t b) { return a + b; });
+}
 inline uint32_t __reduce_min_sync(uint32_t mask, uint32_t value) {
   return jade::emulated::reduce(mask, value, [](uint32_t a, uint32_t b) { return std::min(a, b); });
 }

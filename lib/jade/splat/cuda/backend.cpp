@@ -127,13 +127,13 @@ struct Lists {
 };
 
 /// Waits for the device.
-Counters read_counters(const RenderCall& call, cudaStream_t stream) {
-  Counters counters;
-  check_cuda(
-      cudaMemcpyAsync(&counters, call.counters, sizeof(counters), cudaMemcpyDeviceToHost, stream),
-      "counting instances");
+uint64_t read_instances(const RenderCall& call, cudaStream_t stream) {
+  uint64_t instances = 0;
+  check_cuda(cudaMemcpyAsync(&instances, &call.counters->instances, sizeof(instances),
+                             cudaMemcpyDeviceToHost, stream),
+             "counting instances");
   check_cuda(cudaStreamSynchronize(stream), "counting instances");
-  return counters;
+  return instances;
 }
 
 /// Temporary buffers of the sort from instances to lists.
@@ -173,8 +173,8 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
   launch_project(*call, stream);
   int64_t counted = kMostInstances;
   if (counts) {
-    launch_plan(*call, nullptr, nullptr, stream);
-    const uint64_t instances = read_counters(*call, stream).instances;
+    launch_count_lists(*call, stream);
+    const uint64_t instances = read_instances(*call, stream);
     budget.learn(instances, call->count);
     if (args.deterministic) counted = static_cast<int64_t>(std::min<uint64_t>(instances, counted));
   }
@@ -187,6 +187,7 @@ Lists project_and_bin(RenderCall* call, const ForwardArgs& args, long long* reje
     chunks = bind_chunks(call, like);
     launch_chunks(*call, stream);
   }
+  if (!counts) launch_count_lists(*call, stream);
   launch_plan(*call, rejected, budget.inbox(), stream);
   launch_fill(*call, stream);
   return lists;

@@ -8,30 +8,33 @@ namespace jade::splat::cuda {
 
 namespace {
 
-constexpr int kPlanThreads = 1024;
-constexpr int kClasses = 128;
+constexpr int kPlanThreads = 1024;  ///< one per tile
 
 /// Class of a list by its length, four classes per octave, longest first: a float's exponent and
 /// two more bits.
 __device__ __forceinline__ int length_class(uint32_t count) {
   const uint32_t one = 127u << 2;
-  return kClasses - 1 - int((__float_as_uint(float(count) + 1.0f) >> 21) - one);
+  return kListClasses - 1 - int((__float_as_uint(float(count) + 1.0f) >> 21) - one);
 }
-static_assert(kMaxGaussians < 1ll << (kClasses / 4 - 1), "the longest list has a class");
+static_assert(kMaxGaussians < 1ll << (kListClasses / 4 - 1), "the longest list has a class");
 
-constexpr int kPlanLoads = 4, kPlanBatch = kPlanLoads * kPlanThreads;
+/// A thread's tile, of all views.
+struct PlannedTile {
+  int tile;
+  bool exists, lost;
+  uint32_t count;  ///< of instances
+  uint32_t taken;  ///< of `keys`: longer lists do not occur; clamped, a warp's sum fits 32 bits
 
-/// A thread's counts of a batch of tiles, including kLost, with all loads in flight together; 0
-/// beyond the last tile.
-__device__ __forceinline__ void load_counts(const RenderCall& call, int base, int tiles,
-                                            uint32_t* counts) {
-#pragma unroll
-  for (int k = 0; k < kPlanLoads; ++k) {
-    const int t = base + k * kPlanThreads + threadIdx.x;
-    counts[k] = 0;
-    if (t < tiles) counts[k] = call.chunks > 0 ? call.chunk_counts[t] : call.tile_list[t].count;
+  __device__ __forceinline__ explicit PlannedTile(const RenderCall& call) {
+    tile = blockIdx.x * kPlanThreads + threadIdx.x;
+    exists = tile < call.views * call.tiles;
+    uint32_t found = 0;
+    if (exists) found = call.chunks > 0 ? call.chunk_counts[tile] : call.tile_list[tile].count;
+    lost = (found & kLost) != 0;
+    count = found & ~kLost;
+    taken = min(count, 1u << 24);
   }
-}
+};
 
 /// Increments `next` for all lanes with `wanted` and returns each lane's previous count. Lanes of
 /// one class use a single atomic, because most lists are of a few classes and separate atomics
@@ -46,75 +49,70 @@ __device__ __forceinline__ uint32_t next_place(uint32_t* next, int list_class, b
   return first + __popc(peers & ((1u << lane) - 1));
 }
 
-/// One block: the order of lists is arbitrary, which does not affect the results.
+__global__ void __launch_bounds__(kPlanThreads)
+    count_lists_kernel(const __grid_constant__ RenderCall call) {
+  __shared__ uint32_t of_class[kListClasses];
+  __shared__ unsigned long long instances;
+  const int lane = threadIdx.x & 31;
+  if (threadIdx.x < kListClasses) of_class[threadIdx.x] = 0;
+  if (threadIdx.x == 0) instances = 0;
+  __syncthreads();
+  const PlannedTile tile(call);
+  next_place(of_class, length_class(tile.count), tile.exists, lane);
+  const uint32_t sum = __reduce_add_sync(~0u, tile.taken);
+  if (lane == 0) atomicAdd(&instances, (unsigned long long)sum);
+  __syncthreads();
+  if (threadIdx.x < kListClasses && of_class[threadIdx.x] > 0) {
+    atomicAdd(call.counters->lists + threadIdx.x, of_class[threadIdx.x]);
+  }
+  if (threadIdx.x == 0) atomicAdd(&call.counters->instances, instances);
+}
+
+/// The order of lists in memory and within a class is arbitrary, which does not affect the results.
 __global__ void __launch_bounds__(kPlanThreads)
     plan_kernel(const __grid_constant__ RenderCall call, long long* rejected,
                 volatile uint64_t* inbox) {
-  __shared__ uint32_t next_of_class[kClasses], warp_sums[kPlanThreads / 32];
-  const int tiles = call.views * call.tiles;
+  __shared__ uint32_t next_of_class[kListClasses], warp_sums[kPlanThreads / 32];
+  __shared__ unsigned long long first;
   const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
-  if (threadIdx.x < kClasses) next_of_class[threadIdx.x] = 0;
+  if (threadIdx.x < kListClasses) next_of_class[threadIdx.x] = 0;
   __syncthreads();
-  uint32_t counts[kPlanLoads];  // of the current batch; loaded once if there are few tiles
-  for (int base = 0; base < tiles; base += kPlanBatch) {
-    load_counts(call, base, tiles, counts);
-#pragma unroll
-    for (int k = 0; k < kPlanLoads; ++k) {
-      const bool wanted = base + k * kPlanThreads + threadIdx.x < tiles;
-      next_place(next_of_class, length_class(counts[k] & ~kLost), wanted, lane);
-    }
-  }
+  const PlannedTile tile(call);
+  const int list_class = length_class(tile.count);
+  const uint32_t in_block = next_place(next_of_class, list_class, tile.exists, lane);
+  const uint32_t scanned = inclusive_scan(tile.taken, lane);
+  if (lane == 31) warp_sums[warp] = scanned;
   __syncthreads();
-  if (threadIdx.x < 32) {
-    uint32_t before = 0;
-    for (int k = 0; k < kClasses; k += 32) {
-      const uint32_t count = next_of_class[k + lane], sum = inclusive_scan(count, lane);
-      next_of_class[k + lane] = before + sum - count;
+  if (warp == 0) {
+    uint32_t before = 0;  // lists of earlier classes
+    for (int k = lane; k < kListClasses; k += 32) {
+      const uint32_t lists = call.counters->lists[k], sum = inclusive_scan(lists, lane);
+      const uint32_t of_block = next_of_class[k];
+      uint32_t others = 0;  // in places that other blocks have taken
+      if (of_block > 0) others = atomicAdd(call.counters->placed + k, of_block);
+      next_of_class[k] = before + sum - lists + others;
       before += __shfl_sync(~0u, sum, 31);
     }
+  } else if (threadIdx.x == 32) {
+    unsigned long long total = 0;
+    for (const uint32_t sum : warp_sums) total += sum;
+    first = atomicAdd(&call.counters->planned, total);
   }
-  unsigned long long total = 0;
-  for (int base = 0; base < tiles; base += kPlanBatch) {
-    uint32_t sum = 0;
-    if (tiles > kPlanBatch) load_counts(call, base, tiles, counts);
-    // Lists longer than 2^24 do not occur; clamped, a warp's sum fits 32 bits.
-    constexpr uint32_t kLongest = 1u << 24;
-#pragma unroll
-    for (int k = 0; k < kPlanLoads; ++k) sum += min(counts[k] & ~kLost, kLongest);
-    const uint32_t scanned = inclusive_scan(sum, lane);
-    __syncthreads();
-    if (lane == 31) warp_sums[warp] = scanned;
-    __syncthreads();
-    unsigned long long begin = total + (scanned - sum);
-    for (int w = 0; w < kPlanThreads / 32; ++w) {
-      const uint32_t of_warp = warp_sums[w];
-      if (w < warp) begin += of_warp;
-      total += of_warp;
-    }
-#pragma unroll
-    for (int k = 0; k < kPlanLoads; ++k) {
-      const int t = base + k * kPlanThreads + threadIdx.x;
-      const uint32_t count = counts[k] & ~kLost;
-      const uint32_t place = next_place(next_of_class, length_class(count), t < tiles, lane);
-      if (t < tiles) {
-        const bool lost = (counts[k] & kLost) != 0;
-        const bool fits = begin + count <= call.capacity && count <= kLongest && !lost;
-        const uint32_t at = fits ? uint32_t(begin) : call.capacity;
-        call.tile_list[t] = {count, at, at};
-        call.tile_order[place] = t;
-      }
-      begin += min(count, kLongest);
-    }
+  __syncthreads();
+  if (tile.exists) {
+    unsigned long long begin = first + scanned - tile.taken;
+    for (int w = 0; w < warp; ++w) begin += warp_sums[w];
+    const bool fits = begin + tile.count <= call.capacity && tile.count == tile.taken && !tile.lost;
+    const uint32_t at = fits ? uint32_t(begin) : call.capacity;
+    call.tile_list[tile.tile] = {tile.count, at, at};
+    call.tile_order[next_of_class[list_class] + in_block] = tile.tile;
   }
-  if (threadIdx.x == 0) {
-    call.counters->instances = total;
-    call.counters->gaussians = call.count;
-    if (inbox != nullptr) {
-      inbox[0] = total;
-      inbox[1] = call.count;
-    }
-    if (rejected != nullptr) *rejected = (long long)call.counters->rejected;
+  if (blockIdx.x > 0 || threadIdx.x > 0) return;
+  if (inbox != nullptr) {
+    inbox[0] = call.counters->instances;
+    inbox[1] = call.count;
   }
+  if (rejected != nullptr) *rejected = (long long)call.counters->rejected;
 }
 
 constexpr int kEmitThreads = 256;
@@ -397,11 +395,19 @@ __global__ void __launch_bounds__(kSortThreads, 6)
   keep_entries(keys, count);
 }
 
+int plan_blocks(const RenderCall& call) {
+  return (call.views * call.tiles + kPlanThreads - 1) / kPlanThreads;
+}
+
 }  // namespace
+
+void launch_count_lists(const RenderCall& call, cudaStream_t stream) {
+  count_lists_kernel<<<plan_blocks(call), kPlanThreads, 0, stream>>>(call);
+}
 
 void launch_plan(const RenderCall& call, long long* rejected, volatile uint64_t* inbox,
                  cudaStream_t stream) {
-  plan_kernel<<<1, kPlanThreads, 0, stream>>>(call, rejected, inbox);
+  plan_kernel<<<plan_blocks(call), kPlanThreads, 0, stream>>>(call, rejected, inbox);
 }
 
 void launch_fill(const RenderCall& call, cudaStream_t stream) {

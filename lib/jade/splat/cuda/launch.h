@@ -12,6 +12,8 @@ namespace jade::splat::cuda {
 void launch_project(const RenderCall& call, cudaStream_t stream);
 /// The chunks' instances, tile by tile, and the number of instances of each tile.
 void launch_chunks(const RenderCall& call, cudaStream_t stream);
+/// Counts instances, and lists by their length.
+void launch_count_lists(const RenderCall& call, cudaStream_t stream);
 /// Divides `keys` into the tiles' lists and orders the tiles, longest list first.
 /// @param inbox  [2] on the host, writable by the device: instances and Gaussians; null: not
 ///   requested

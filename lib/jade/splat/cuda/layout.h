@@ -21,6 +21,7 @@ constexpr int kMostChunkTiles = 2048;
 constexpr int kChunkBlocks = 3;  ///< per multiprocessor
 constexpr int kRunBits = 11;     ///< for lengths up to kMostChunkGaussians
 constexpr uint32_t kLost = 1u << 31;
+constexpr int kListClasses = 128;  ///< of lists, by length
 
 /// A projected Gaussian in one view: three 16-byte loads. `depth` is 0 if it is not rendered.
 struct alignas(16) Splat {
@@ -41,9 +42,11 @@ struct alignas(32) TileList {
 struct Counters {
   unsigned long long instances;  ///< (view, tile, Gaussian) triples, including those that did not
                                  ///< fit
-  unsigned long long gaussians;
   unsigned long long rejected;
   unsigned long long chunk_keys;  ///< of the chunks so far, including those that did not fit
+  unsigned long long planned;     ///< instances of the lists that have a place so far
+  uint32_t lists[kListClasses];   ///< by class
+  uint32_t placed[kListClasses];  ///< those in `tile_order` so far
 };
 
 /// Arguments of one call of the op: Gaussians, cameras, settings, and buffers shared by the
