@@ -239,7 +239,7 @@ struct SumFactors {
 };
 
 constexpr int kAdjointBlocks = 6;               ///< per multiprocessor
-constexpr int kPairsAtOnce = 2;                 ///< of splats, in an unrolled loop
+constexpr int kPairsAtOnce = 4;                 ///< of splats, in an unrolled loop
 constexpr int kSplatStride = 8 * kSubtile + 8;  ///< avoids bank conflicts of sum_rows()
 
 /// Shared memory of a warp. One struct, so that one register addresses both parts.
