@@ -5,7 +5,7 @@
 
 W1 to W5 are bit-identical to those of `jade_bench splat`: nine views in one call. "splat" is the op with the
 parameters of jade_bench, "rasterization" the function with gsplat's interface, both with gradients of all
-Gaussians and cameras. jade_bench's own figure is the backward pass from a given cotangent, which "splat" repeats;
+Gaussians and cameras, and both again as CUDA graphs. jade_bench's own figure is the backward pass from a given cotangent, which "splat" repeats;
 gsplat is timed through (image * cotangent).sum(), and "rasterization" as well.
 
   OMP_NUM_THREADS=1 python python/jade_splat/benchmark.py --host [--repeats 300] [--json FILE]
@@ -103,8 +103,22 @@ def median_ms(work: Callable[[], None], repeats: int, device: torch.device) -> f
     return sorted(times)[len(times) // 2]
 
 
-def measure(work: dict[str, Tensor], size: tuple[int, int, int], render: Callable, inputs: list[Tensor],
-            backward: Callable[[Tensor], None], repeats: int) -> dict[str, float]:
+def captured(work: Callable[[], None]) -> Callable[[], None]:
+    """The same work as a CUDA graph, which the host launches by one call."""
+    stream = torch.cuda.Stream()
+    stream.wait_stream(torch.cuda.current_stream())
+    with torch.cuda.stream(stream):
+        for _ in range(3):
+            work()
+    torch.cuda.current_stream().wait_stream(stream)
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph):
+        work()
+    return graph.replay
+
+
+def measure(work: dict[str, Tensor], render: Callable, inputs: list[Tensor], backward: Callable[[Tensor], None],
+            repeats: int, prepare: Callable[[Callable[[], None]], Callable[[], None]]) -> dict[str, float]:
     device = work["means"].device
     leaves = [t.detach().requires_grad_() for t in inputs]
 
@@ -118,8 +132,8 @@ def measure(work: dict[str, Tensor], size: tuple[int, int, int], render: Callabl
         backward(render(*leaves))
 
     return {
-        "forward_ms": round(median_ms(forward, repeats, device), 3),
-        "forward_backward_ms": round(median_ms(both, repeats, device), 3),
+        "forward_ms": round(median_ms(prepare(forward), repeats, device), 3),
+        "forward_backward_ms": round(median_ms(prepare(both), repeats, device), 3),
     }
 
 
@@ -275,11 +289,14 @@ def main() -> None:
         if name not in SIZES:
             parser.error(f"--workload: expected names among {', '.join(SIZES)}, found {name}")
         work = {key: tensor.to(device) for key, tensor in make_workload(name).items()}
-        for way, (render, inputs, backward) in ways_of(work, SIZES[name]).items():
-            row = {"workload": name, "way": way, "device": str(device)}
-            row |= measure(work, SIZES[name], render, inputs, backward, options.repeats or 50)
-            rows.append(row)
-            print(f"{name} {way:16} {row['forward_ms']:9.3f} ms forward {row['forward_backward_ms']:9.3f} ms both", flush=True)
+        for way, call in ways_of(work, SIZES[name]).items():
+            # gsplat waits for the device within a call, so it cannot be captured.
+            graphs = device.type == "cuda" and not way.startswith("gsplat")
+            for prepare in [lambda work: work, captured][: 1 + graphs]:
+                row = {"workload": name, "way": way + ", CUDA graph" * (prepare is captured), "device": str(device)}
+                row |= measure(work, *call, options.repeats or 50, prepare)
+                rows.append(row)
+                print(f"{name} {row['way']:25} {row['forward_ms']:9.3f} ms forward {row['forward_backward_ms']:9.3f} ms both", flush=True)
     if options.json:
         with open(options.json, "w") as file:
             json.dump(rows, file, indent=1)
