@@ -128,7 +128,7 @@ TEST_CASE("step graph: plans that alternate are replayed, each from its own reco
   CHECK(graph.replays() == 10);  // all but the first step of each plan
 }
 
-TEST_CASE("step graph: another scene, as after a densification, is recorded without an eager step",
+TEST_CASE("step graph: another scene, or a release, is recorded without an eager step",
           "[train][cuda]") {
   const train::StreamScope stream(torch::Device(torch::kCUDA, 0));
   const test::TinyScene scene;
@@ -143,6 +143,7 @@ TEST_CASE("step graph: another scene, as after a densification, is recorded with
                                       [](const torch::Tensor& each) { return 1.1 * each; }));
       }
     }
+    if (step == 28) graph.release(recorded.state, torch::Device(torch::kCUDA, 0));
     const train::StepInputs in = recorded.inputs(step);
     const auto replayed =
         values_of(graph.run(recorded.state, in, recorded.plan(step), recorded.options));

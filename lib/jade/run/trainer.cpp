@@ -220,6 +220,7 @@ void Trainer::look(Watcher* watcher) {
   if (!evaluation_due && !pictures_due) return;
   monitor_.check();
   times_.end("steps");
+  step_graph_.release(state_, device_);
   const double seconds = run_seconds();
   const data::Dataset& posed = look_at_dataset();
   if (evaluation_due) {
@@ -242,6 +243,7 @@ void Trainer::stop() {
 void Trainer::finish() {
   monitor_.check();
   times_.end("steps");
+  step_graph_.release(state_, device_);
   save();
   times_.end("checkpoint");
   const data::Dataset posed = posed_dataset();

@@ -23,7 +23,7 @@ constexpr int64_t kRenewal = 1000;
 
 /// Cached memory that the allocator may keep beyond live tensors when a step is captured or runs
 /// eagerly. The rest, left by earlier graphs and the restorer, returns to the driver.
-constexpr int64_t kSpareBytes = int64_t{64} << 20;
+constexpr int64_t kSpareBytes = int64_t{16} << 20;
 
 /// Maximum number of plans with a graph: steps alternate between few.
 constexpr size_t kMostPlans = 4;
@@ -190,6 +190,11 @@ struct StepGraph::Recordings {
 StepGraph::StepGraph() : recordings_(std::make_unique<Recordings>()) {}
 StepGraph::~StepGraph() = default;
 
+void StepGraph::release(TrainState& state, torch::Device device) {
+  recordings_->forget();
+  release_memory(state, device);
+}
+
 StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                            const RunOptions& options) {
   Recordings& recordings = *recordings_;
@@ -203,8 +208,7 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const St
     if (!recordings.warmed_up(plan)) {
       // An eager step does not need the memory of the graphs; both together would be the run's
       // peak.
-      recordings.forget();
-      release_memory(state, inputs.view.blurry.device());
+      release(state, inputs.view.blurry.device());
       return alternate(state, inputs, plan, options);
     }
     try {

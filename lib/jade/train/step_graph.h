@@ -39,6 +39,10 @@ class StepGraph {
   StepOutputs run(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                   const RunOptions& options);
 
+  /// Drops the graphs and the state's gradients and returns their memory to the device, for work
+  /// between steps. The next step is captured again at once.
+  void release(TrainState& state, torch::Device device);
+
   /// Number of steps that replayed a graph.
   int64_t replays() const { return replays_; }
 

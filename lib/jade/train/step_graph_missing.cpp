@@ -12,6 +12,8 @@ struct StepGraph::Recordings {};
 StepGraph::StepGraph() = default;
 StepGraph::~StepGraph() = default;
 
+void StepGraph::release(TrainState&, torch::Device) {}
+
 StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const StepPlan& plan,
                            const RunOptions& options) {
   return alternate(state, inputs, plan, options);
