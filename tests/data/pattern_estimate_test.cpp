@@ -87,5 +87,19 @@ TEST_CASE("pattern estimate: pixels under a mask and frames of another size do n
   CHECK(estimate_pattern(dataset).pairs == 21);
 }
 
+TEST_CASE("pattern estimate: the border of a mask is no pattern, and hides none of one", "[data]") {
+  const auto masked = [](const torch::Tensor& pattern) {
+    Dataset dataset = frames_over_a_picture(kAround, pattern);
+    for (Exposure& frame : dataset.train) {
+      frame.mask = torch::ones({1, kFrame, kFrame}, torch::kBool);
+      frame.mask.slice(1, 0, kFrame / 2).fill_(false);
+      frame.blurry = frame.blurry * frame.mask;
+    }
+    return estimate_pattern(dataset).strength;
+  };
+  CHECK(masked(torch::zeros({1})) < 0.004);
+  CHECK(masked(pixels(0.02)) == Approx(0.02 * std::sqrt(8.0 / 9)).epsilon(0.1));
+}
+
 }  // namespace
 }  // namespace jade::data

@@ -82,13 +82,31 @@ double sideways(const std::vector<const Exposure*>& frames, double depth) {
   return std::sqrt(std::max(0.0, least));
 }
 
-/// [P] of a frame: the difference from the mean of 3x3 pixels.
+/// [1,H,W]: the mean of 3x3 pixels.
+torch::Tensor mean_around(const torch::Tensor& image) {
+  return at::avg_pool2d(at::replication_pad2d(image, {1, 1, 1, 1}), 3, 1);
+}
+
+/// [P] of a frame: 1 where the mask excludes none of the 3x3 pixels, else 0.
+torch::Tensor counted_in(const Exposure& frame) {
+  if (!frame.mask.defined()) return torch::ones({frame.blurry[0].numel()});
+  return (mean_around(frame.mask.to(torch::kFloat32)) == 1).to(torch::kFloat32).flatten();
+}
+
+/// [P] of a frame: the difference from the mean of 3x3 pixels; 0 where not counted.
 torch::Tensor detail_of(const Exposure& frame) {
   const torch::Tensor gray = imaging::gray(frame.blurry).unsqueeze(0);
-  const torch::Tensor padded = at::replication_pad2d(gray, {1, 1, 1, 1});
-  torch::Tensor detail = (gray - at::avg_pool2d(padded, 3, 1)).clamp(-kMostDetail, kMostDetail)[0];
-  if (frame.mask.defined()) detail = detail * frame.mask;
-  return detail.flatten();
+  const torch::Tensor detail = (gray - mean_around(gray)).clamp(-kMostDetail, kMostDetail);
+  return frame.mask.defined() ? detail.flatten() * counted_in(frame) : detail.flatten();
+}
+
+/// [F,F]: the products of the [P] of each pair of frames.
+torch::Tensor products_of(const std::vector<const Exposure*>& frames,
+                          torch::Tensor (*values_of)(const Exposure&)) {
+  std::vector<torch::Tensor> values;
+  for (const Exposure* frame : frames) values.push_back(values_of(*frame));
+  const torch::Tensor all = torch::stack(values);
+  return all.matmul(all.t()).to(torch::kFloat64);
 }
 
 }  // namespace
@@ -98,20 +116,19 @@ PatternEstimate estimate_pattern(const Dataset& dataset) {
   PatternEstimate found;
   if (frames.size() < 3) return found;
   found.sideways_px = std::min(sideways(frames, dataset.near), sideways(frames, dataset.far));
-  std::vector<torch::Tensor> details;
-  for (const Exposure* frame : frames) details.push_back(detail_of(*frame));
-  const torch::Tensor all = torch::stack(details);
-  const torch::Tensor common = (all.matmul(all.t()) / all.size(1)).to(torch::kFloat64);
-  const auto products = common.accessor<double, 2>();
-  double sum = 0;
+  const torch::Tensor common = products_of(frames, detail_of);
+  const torch::Tensor shared = products_of(frames, counted_in);
+  const auto products = common.accessor<double, 2>(), pixels = shared.accessor<double, 2>();
+  double sum = 0, count = 0;
   for (size_t i = 0; i < frames.size(); ++i) {
     for (size_t j = i + 1; j < frames.size(); ++j) {
       if (!apart(*frames[i], *frames[j], dataset)) continue;
       sum += products[int64_t(i)][int64_t(j)];
+      count += pixels[int64_t(i)][int64_t(j)];
       ++found.pairs;
     }
   }
-  if (found.pairs > 0) found.strength = std::sqrt(std::max(0.0, sum / double(found.pairs)));
+  if (count > 0) found.strength = std::sqrt(std::max(0.0, sum / count));
   return found;
 }
 
