@@ -245,6 +245,17 @@ TEST_CASE("learned cameras: the file is in the coordinates of the data set", "[r
   }
 }
 
+TEST_CASE("learned cameras: a file of another split is refused, with what to set", "[run]") {
+  const LearnedRun scene;
+  data::Dataset dataset = data::load_dataset(scene.options.dataset);
+  const auto file = scene.dir / "cameras.json";
+  run::write_learned_cameras(file, dataset);
+  dataset.held_out.push_back(dataset.train.front());
+  dataset.train.erase(dataset.train.begin());
+  CHECK_THROWS_NAMING(DataError, run::read_learned_cameras(file, dataset),
+                      "set the data set, split and lists of the run");
+}
+
 TEST_CASE("learned cameras: before a run's end other programs have those of its checkpoint",
           "[run]") {
   const LearnedRun scene;

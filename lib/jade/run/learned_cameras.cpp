@@ -290,11 +290,12 @@ void read_learned_cameras(const std::filesystem::path& path, data::Dataset& data
   };
   for (size_t i = 0; i < expected.size(); ++i) {
     if (i < found.size() && same(found[i], expected[i])) continue;
-    throw DataError(concat(
-        path.string(), ": expected camera ", expected[i].name, ", ", expected[i].camera.width, "x",
-        expected[i].camera.height, ", as in the data set, found ",
-        i < found.size() ? found[i].name : "none",
-        "; are these the data of that run? If so, jade_train --resume writes the file again"));
+    throw DataError(concat(path.string(), ": expected camera ", expected[i].name, ", ",
+                           expected[i].camera.width, "x", expected[i].camera.height,
+                           ", as in the data set, found ",
+                           i < found.size() ? found[i].name : "none",
+                           "; set the data set, split and lists of the run; if they are set, "
+                           "jade_train --resume writes the file again"));
   }
   size_t next = 0;
   for (data::SharpView& view : dataset.test) view.pose = found[next++].camera_from_world;
