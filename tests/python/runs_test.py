@@ -118,6 +118,20 @@ class Runs(unittest.TestCase):
         near.camera_from_world[:3, 3] *= 1e-3
         torch.testing.assert_close(jade.render(shrunk, near), jade.render(run, run.cameras[0]), atol=1e-3, rtol=0)
 
+    def test_a_run_keeps_its_near_plane(self):
+        self.write_run()
+        without = jade.load_run(self.folder)
+        (self.folder / "config.yaml").write_text("splat:  # how\n  near_plane: 3.5  # Gaussians nearer than 0.2\n")
+        run = jade.load_run(self.folder)
+        self.assertEqual((without.gaussians.near_plane, run.gaussians.near_plane), (0, 3.5))
+        pose, g = run.cameras[0].camera_from_world, without.gaussians
+        seen = torch.from_numpy(g.means.numpy() @ pose[2, :3] + pose[2, 3] >= 3.5)
+        names = ("means", "quats", "log_scales", "logit_opacities", "sh")
+        left = replace(g, **{name: getattr(g, name)[seen] for name in names})
+        found = jade.render(self.folder, run.cameras[0])
+        torch.testing.assert_close(found, jade.render(left, run.cameras[0]))
+        self.assertFalse(torch.equal(found, jade.render(without, run.cameras[0])))
+
     @unittest.skipUnless("JADE_BIN" in os.environ, "needs the programs")
     def test_draws_what_jade_render_draws(self):
         thin, full = np.full(COUNT, -1.0), np.full(COUNT, 0.5)

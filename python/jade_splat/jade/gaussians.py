@@ -40,6 +40,7 @@ class Gaussians:
     sh: Tensor  # [N, K, 3], K = 1, 4, 9 or 16
     antialiased: bool = False  # how the scene was trained
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the means, in the coordinates of cameras
+    near_plane: float = 0.0  # Gaussians nearer to a camera are not rendered; 0: from the size of the scene
 
     def to(self, device: torch.device | str) -> Gaussians:
         tensors = {f.name: getattr(self, f.name) for f in fields(self)}

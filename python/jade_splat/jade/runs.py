@@ -4,7 +4,8 @@ from __future__ import annotations
 import json
 import math
 import os
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def load_run(folder: PathLike, device: torch.device | str = "cpu") -> Run:
         raise FileNotFoundError(f"{path}: expected point_cloud.ply, found none; is this the --output of a finished jade_train?")
     return Run(
         path,
-        load_gaussians(scene, device),
+        replace(load_gaussians(scene, device), near_plane=_near_plane(path / "config.yaml")),
         _cameras(path / "cameras.json"),
         _json(path / "eval.json", {}),
         _columns(path / "metrics.jsonl"),
@@ -83,7 +84,7 @@ def render(
     if not isinstance(like, Tensor) or not like.is_floating_point():
         found = like.dtype if isinstance(like, Tensor) else type(like).__name__
         raise TypeError(f"means: expected a float32 tensor, found {found}")
-    # In a small scene the camera can be nearer than the usual near plane.
+    # In a small scene without a run the camera can be nearer than the usual near plane.
     spread = like.detach() - like.detach().median(0, keepdim=True).values if len(like) else like.new_ones(1, 3)
     radius = float(spread.abs().median(0).values.norm())
     # x_camera = R (x − origin) + (t + R origin), with the shift in double.
@@ -105,7 +106,7 @@ def render(
         like.new_tensor([[camera.fx, camera.fy, camera.cx, camera.cy]]),
         camera.width,
         camera.height,
-        near_plane=min(0.01, 0.01 * radius) or 0.01,
+        near_plane=gaussians.near_plane or min(0.01, 0.01 * radius) or 0.01,
         antialiased=gaussians.antialiased,
     )
     return (color + (1 - alpha) * behind[:, None, None])[0].permute(1, 2, 0)
@@ -137,6 +138,14 @@ def _pose(camera: Camera) -> np.ndarray:
     if not np.isfinite(pose).all():
         raise ValueError(f"camera_from_world: expected finite numbers, found {pose[~np.isfinite(pose)][0]}")
     return pose
+
+
+def _near_plane(path: Path) -> float:
+    """splat.near_plane of a run's settings, 0 if they do not say."""
+    if not path.is_file():
+        return 0.0
+    found = re.search(r"^  near_plane: ([0-9][0-9.e-]*)", path.read_text("utf-8", "replace"), re.M)
+    return float(found[1]) if found else 0.0
 
 
 def _json(path: Path, default: Any) -> Any:
