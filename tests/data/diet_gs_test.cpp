@@ -159,6 +159,20 @@ TEST_CASE("diet_gs: too few images or windows for the model are reported", "[dat
   CHECK_THROWS_NAMING(DataError, second.load(), "1 windows", "2 frames");
 }
 
+TEST_CASE("diet_gs: a model that lacks the last frame is a warning, as sharp views would be wrong",
+          "[data]") {
+  DietScene scene;
+  scene.images.erase(scene.images.begin() + 9, scene.images.begin() + 18);
+  std::vector<std::string> warnings;
+  scene.load(false, &warnings);
+  REQUIRE_FALSE(warnings.empty());
+  CHECK_THAT(warnings[0], test::naming("1 frames and then 2 sharp", "4 images", "of 2 frames"));
+  std::vector<std::string> without;
+  scene.options.split = SplitKind::kNone;
+  scene.load(false, &without);
+  CHECK(without.size() == warnings.size() - 1);
+}
+
 TEST_CASE("diet_gs: strange names and repeated poses are refused", "[data]") {
   DietScene scene;
   scene.images[0].name = "frame.png";

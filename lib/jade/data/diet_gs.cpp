@@ -75,6 +75,20 @@ void check_complete(const NamedViews& views, const std::string& where) {
   if (expected == 0) throw DataError(concat(where, ": no image is named <frame>_<pose>"));
 }
 
+/// Sharp views are the images after the last frame of the model. If COLMAP placed none of the last
+/// frames, or the folder has other images, they would be the wrong ones.
+void tell_unused(const NamedViews& views, int64_t files, int64_t windows, const fs::path& folder,
+                 const Warnings& warnings) {
+  if (views.sharp.empty()) return;
+  const auto frames = int64_t(views.moving.size());
+  const int64_t sharp = views.sharp.rbegin()->first + 1;
+  if (windows == frames && files == frames + sharp) return;
+  warnings.add(folder.string(), ": expected ", frames, " frames and then ", sharp,
+               " sharp views, as in the model, found ", files, " images, and exposure times of ",
+               windows, " frames; if the model lacks the last frames, or some images are neither, ",
+               "sharp views have wrong images: run COLMAP again on all, or remove the others");
+}
+
 fs::path converted_file(const fs::path& root, const std::string& name) {
   const fs::path path = root / "events" / name;
   if (fs::exists(path)) return path;
@@ -173,6 +187,7 @@ Dataset load_diet_gs(const DatasetOptions& options, const Warnings& warnings) {
     throw DataError(concat(time_path.string(), ": ", times.size(), " windows for ", count,
                            " frames; run scripts/convert_diet_gs.py again"));
   }
+  tell_unused(views, int64_t(files.size()), int64_t(times.size()), image_folder, warnings);
   times.resize(size_t(count));
   std::vector<std::string> names;
   for (const fs::path& file : files) names.push_back(file.filename().string());
