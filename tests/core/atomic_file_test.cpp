@@ -62,6 +62,7 @@ TEST_CASE("files: what cannot be written or read is a DataError that names the p
   CHECK_THROWS_AS(AtomicFile(dir.path() / "missing" / "a.txt"), DataError);
   CHECK_THROWS_WITH(make_writable_folder(file / "sub"), Catch::Contains("file.txt"));
   CHECK_THROWS_WITH(read_file(dir.path()), Catch::Contains(dir.path().string()));
+  CHECK_THROWS_WITH(read_file(dir / "none"), Catch::Contains("none: cannot be read: no such file"));
   CHECK_THROWS_AS(write_file("/dev/full/x", "content"), DataError);
 }
 

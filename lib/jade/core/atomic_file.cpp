@@ -97,8 +97,11 @@ std::string read_file(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
   std::ostringstream content;
   if (in && !fs::is_directory(path)) content << in.rdbuf();
+  const int error = errno;
   if (!in || fs::is_directory(path)) {
-    const char* const why = errno == EACCES ? ": permission denied" : "";
+    const char* const why = error == EACCES   ? ": permission denied"
+                            : error == ENOENT ? ": no such file"
+                                              : "";
     throw DataError(concat(path.string(), ": cannot be read", why));
   }
   return content.str();
