@@ -182,8 +182,10 @@ void check_points(const Warnings& warnings, Dataset& data) {
   const std::string fault = fault_of(sight, spread_of(cameras), data.kind);
   if (fault.empty()) return;
   const bool useless = sight.seen < kNoneSeen;
+  const char* const without =
+      fault.back() == '?' ? " The scene starts without them" : "; the scene starts without them";
   warnings.add(data.root.string(), ": expected points that the cameras see, ", fault,
-               useless ? " The scene starts without them" : "");
+               useless ? without : "");
   if (!useless) return;
   data.points = data.point_colors = torch::Tensor();
   if (data.kind == DatasetKind::kEvDeblur) return;  // states its bounds
