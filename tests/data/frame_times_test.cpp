@@ -140,7 +140,8 @@ TEST_CASE("split: blurry frames as test views and none at all are warned of", "[
   std::vector<std::string> lines;
   const std::vector<FrameTime> blurry(10, FrameTime{0, 100});
   split_frames(blurry, {}, "t.npz", Warnings(&lines));
-  CHECK(lines.size() == 1);
+  REQUIRE(lines.size() == 1);
+  CHECK_THAT(lines[0], test::naming("dataset.split", "held_out.txt"));
   split_frames(blurry, {SplitKind::kLast, 5, 8}, "t.npz", Warnings(&lines));
   CHECK(lines.size() == 6);
 }

@@ -192,7 +192,8 @@ Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
     if (std::count(split.is_test.begin(), split.is_test.end(), true) == 0) {
       warnings.add(path,
                    ": no frame has timestamps_start equal to timestamps_end, so there are no "
-                   "test views; set dataset.split to last or every if there should be");
+                   "test views; set dataset.split to last or every if some frames are sharp, or "
+                   "name exposures to score in held_out.txt");
     }
     return split;
   }
