@@ -18,6 +18,7 @@
 #include "jade/run/evaluate.h"
 #include "jade/run/learned_cameras.h"
 #include "jade/run/trainer.h"
+#include "jade/train/exposure_gains.h"
 #include "run/checkpoint_entries.h"
 #include "support/naming.h"
 #include "support/tensors.h"
@@ -372,6 +373,23 @@ TEST_CASE("trainer: a run that goes on from an older checkpoint leaves the later
   CHECK_FALSE(std::filesystem::exists(run / "point_cloud.ply"));
   run::Trainer(options, run, "latest").run();
   CHECK(read_file(run / "point_cloud.ply") == end);
+}
+
+TEST_CASE("trainer: a run writes whether it learns gains, and keeps it when the data set changes",
+          "[run]") {
+  const Scene scene;
+  write_file(scene.data / "gains.csv", "name,gain\n00,1\n01,0.8\n02,1.1\n03,1\n");
+  train::RunOptions options = tiny_options(scene);
+  options.gains.optimize = train::LearnGains::kAuto;
+  options.train.iterations = 2;
+  const std::filesystem::path folder = scene.dir / "run";
+  run::Trainer(options, folder, "").run();
+  const train::RunOptions saved = run::load_run_options(folder);
+  CHECK(saved.gains.optimize == train::LearnGains::kOn);
+  CHECK_NOTHROW(run::Trainer(options, folder, "latest"));
+  CHECK(run::load_run_options(folder).gains.optimize == train::LearnGains::kOn);
+  std::filesystem::remove(scene.data / "gains.csv");
+  CHECK(train::learns_gains(saved.gains, data::load_dataset(options.dataset)));
 }
 
 TEST_CASE("trainer: a run goes on without the file that it started from", "[run]") {

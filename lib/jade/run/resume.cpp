@@ -49,7 +49,9 @@ void keep_decisions(const train::RunOptions& saved, const std::optional<Choices>
   if (options.densify.max_gaussians.is_auto()) {
     options.densify.max_gaussians = saved.densify.max_gaussians;
   }
-  // The run may have begun with a version without these keys.
+  // The run may have begun with a version that does not settle these keys.
+  if (options.gains.optimize == train::LearnGains::kAuto)
+    options.gains.optimize = saved.gains.optimize;
   if (options.pattern.learn == train::LearnPattern::kAuto)
     options.pattern.learn = saved.pattern.learn;
   if (options.splat.near_plane == 0) options.splat.near_plane = saved.splat.near_plane;

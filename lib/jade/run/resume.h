@@ -22,7 +22,7 @@ train::RunOptions saved_options(const std::string& yaml);
 /// @param choice   "latest": the newest undamaged checkpoint of the folder; else the path of one
 /// @param choices  settings that the run may have chosen (choose_pace())
 /// @param options  receives the decisions of the run's start: its schedule, choices, thresholds,
-///   number of Gaussians, pattern and near plane
+///   number of Gaussians, pattern, gains and near plane
 /// @return its state; without value if the folder has neither a checkpoint nor results
 /// @throws ConfigError, CheckpointError.
 std::optional<train::TrainState> resume(const RunDirectory& directory, const std::string& choice,

@@ -79,6 +79,7 @@ Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const st
     settle_thresholds(data_.dataset, data_.fingerprint, /*log_offset=*/0, options_);
     options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
     settle_pattern(data_.dataset, options_.pattern.learn);
+    options_.gains.optimize = learns_gains() ? train::LearnGains::kOn : train::LearnGains::kOff;
     options_.densify.max_gaussians = train::max_gaussians(options_, data_.dataset, budget);
     if (choices) choose_pace(data_.dataset, *choices, device_, options_, data_.restorer);
     if (!train::needs_efnet(options_)) data_.restorer_sha256.clear();
