@@ -263,7 +263,8 @@ TEST_CASE("trainer: refuses to resume with other settings or data, and says whic
   other.last_exposure_without_events = true;
   std::filesystem::remove_all(scene.data);
   test::write_tiny_dataset(scene.data, other);
-  CHECK_THROWS_NAMING(CheckpointError, run::Trainer(options, run, "latest"), "dataset.path");
+  CHECK_THROWS_NAMING(CheckpointError, run::Trainer(options, run, "latest"), "dataset.path",
+                      "held_out.txt");
 }
 
 TEST_CASE("trainer: a checkpoint with a fingerprint of an older version is gone on from", "[run]") {

@@ -102,9 +102,10 @@ void check_settings(const fs::path& checkpoint, train::RunOptions saved, train::
 /// @throws CheckpointError for a run of other data or with another restorer.
 void check_inputs(const fs::path& checkpoint, const CheckpointInfo& info, const RunData& data) {
   if (info.fingerprint != data.fingerprint && !had_fingerprint(data.dataset, info.fingerprint)) {
-    throw CheckpointError(
-        concat(checkpoint.string(), ": made from other data than ", data.dataset.root.string(),
-               "; check dataset.path, dataset.color and whether its events or its camera changed"));
+    throw CheckpointError(concat(
+        checkpoint.string(), ": made from other data than ", data.dataset.root.string(),
+        "; check dataset.path, dataset.color and whether its frames, cameras, events, masks, "
+        "gains.csv or held_out.txt changed"));
   }
   if (data.restorer_sha256.empty()) return;
   if (info.restorer_sha256.empty()) {
