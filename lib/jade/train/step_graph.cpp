@@ -23,7 +23,7 @@ constexpr int64_t kRenewal = 1000;
 
 /// Cached memory that the allocator may keep beyond live tensors when a step is captured or runs
 /// eagerly. The rest, left by earlier graphs and the restorer, returns to the driver.
-constexpr int64_t kSpareBytes = int64_t{16} << 20;
+constexpr int64_t kSpareBytes = int64_t{64} << 20;
 
 /// Maximum number of plans with a graph: steps alternate between few.
 constexpr size_t kMostPlans = 4;
