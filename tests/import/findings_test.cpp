@@ -144,6 +144,11 @@ TEST_CASE("findings: shots between moving ones are sharp, those that noise hides
   lost.events = {lost.events.x().masked_select(kept), lost.events.y().masked_select(kept),
                  t.masked_select(kept), lost.events.polarity().masked_select(kept)};
   CHECK(import::find_blur(lost)[4] == -1);
+  // Events that end before most of the exposures.
+  import::Capture ended = capture;
+  ended.events = ended.events.slice(ended.events.first_us(), ended.shots[3].t_start_us);
+  const std::vector<double> known = import::find_blur(ended);
+  CHECK(std::count(known.begin() + 3, known.end(), -1) == 6);
   // A static recording with the same number of events.
   const int64_t count = capture.events.size();
   torch::manual_seed(1);

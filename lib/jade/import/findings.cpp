@@ -290,7 +290,8 @@ std::vector<double> find_blur(const Capture& capture) {
   std::vector<double> rates;
   for (size_t i = 0; i < blur.size(); ++i) {
     const int64_t length_us = capture.shots[i].duration_us();
-    if (length_us > 0) rates.push_back(double(counts[i]) / double(length_us));
+    // If the stream ended early, most exposures have no events.
+    if (length_us > 0 && counts[i] > 0) rates.push_back(double(counts[i]) / double(length_us));
   }
   const double usual_rate = median_of(std::move(rates));
   for (size_t i = 0; i < blur.size(); ++i) {

@@ -268,10 +268,12 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
                "their exposures with --frame-times"));
     return;
   }
-  recording.warnings.push_back(concat(frames.size() - size_t(covered), " of ", frames.size(),
-                                      " frames lie outside the time of the events (",
-                                      seconds_of(first), " to ", seconds_of(last), " s)",
-                                      covered == 0 ? "; the two clocks may differ" : ""));
+  recording.warnings.push_back(
+      concat(frames.size() - size_t(covered), " of ", frames.size(),
+             " frames lie outside the time of the events (", seconds_of(first), " to ",
+             seconds_of(last), " s)",
+             covered == 0 ? "; the two clocks may differ"
+                          : "; if the events ended early, cut these off with --begin-s, --end-s"));
 }
 
 /// Notes exposures without events among those that the events cover.
