@@ -460,6 +460,12 @@ TEST_CASE("layouts: TUM-VIE has times and exposures of each camera in us", "[rec
   CHECK_THAT(failure_of([&] { read_recording(dir / "mocap-desk-events_left.h5", options); }),
              test::naming("image_exposures_right.txt", "-2000", "00002.jpg"));
   dir.write("right_images/image_exposures_right.txt", "2000\n2000\n2000\n");
-  check_span(read_recording(dir / "mocap-desk-events_left.h5", options).frames[1], 1011000,
-             1013000);
+  const Recording right = read_recording(dir / "mocap-desk-events_left.h5", options);
+  check_span(right.frames[1], 1011000, 1013000);
+  CHECK(right.warnings.empty());
+  dir.write("right_images/image_exposures_right.txt", "2.0\n2.0\n2.0\n");
+  const Recording in_ms = read_recording(dir / "mocap-desk-events_left.h5", options);
+  REQUIRE(in_ms.warnings.size() == 1);
+  CHECK_THAT(in_ms.warnings[0],
+             test::naming("image_exposures_right.txt", "2 us", "10 ms", "milliseconds"));
 }

@@ -93,12 +93,21 @@ const NamedExposure& line_of(const fs::path& frame, const Rows& rows, const fs::
                          " with different times; keep the lines of the frames' camera"));
 }
 
-/// @throws DataError for exposures that are too long to be whole µs.
-void check_lengths(const fs::path& list, const std::vector<events::NamedWindow>& exposed) {
+/// Warns of exposures that are too short for µs, as lengths in ms are: at most a thousandth of the
+/// frame period. @throws DataError for exposures that are too long.
+void check_lengths(const fs::path& list, const std::vector<events::NamedWindow>& exposed,
+                   std::vector<std::string>& warnings) {
+  constexpr double kUsPerMs = 1000;
   std::vector<int64_t> lengths;
   for (const events::NamedWindow& each : exposed) lengths.push_back(each.window.duration_us());
   const auto length_us = double(median_of(std::move(lengths)));
   const auto period_us = double(events::frame_period_us(exposed));
+  if (kUsPerMs * length_us <= period_us) {
+    warnings.push_back(concat(list.string(), ": expected exposures in us, found ", length_us,
+                              " us as the median length, at a frame period of ",
+                              period_us / kUsPerMs,
+                              " ms; if the lengths are in milliseconds, multiply them by 1000"));
+  }
   if (!events::is_too_slow(length_us, period_us)) return;
   throw DataError(concat(list.string(), ": expected exposures in whole us, found ",
                          1e-6 * length_us, " s as the median length, at a frame period of ",
@@ -153,7 +162,7 @@ void check_apart(const fs::path& list, const std::vector<FrameFile>& files, Reco
     if (file.time && file.time->duration_us() > 0) exposed.push_back({name_of(file), *file.time});
   }
   if (exposed.size() < 2) return;
-  check_lengths(list, exposed);
+  check_lengths(list, exposed, recording.warnings);
   const std::string fault = events::overlap_fault(list.string(), std::move(exposed));
   if (!fault.empty()) recording.warnings.push_back(fault);
 }

@@ -296,7 +296,7 @@ bool add_frame_list(const fs::path& images, const ReadOptions& options,
                          lengths.path.empty()
                              ? ""
                              : concat(", whose length is in ", lengths.path.filename().string())));
-  check_apart(source.path, files, recording);
+  check_apart(lengths.path.empty() ? source.path : lengths.path, files, recording);
   return true;
 }
 
