@@ -185,6 +185,30 @@ TEST_CASE("importer: cropped frames are named before their calibration", "[impor
                       "80x60", "cropped");
 }
 
+TEST_CASE("importer: events of a smaller sensor are named", "[import]") {
+  const test::TempDir dir;
+  simulate::SimulateRun run = small_run();
+  run.simulate.exposures = 4, run.simulate.exposure_ms = 10;
+  simulate::write_recording(simulate::simulate(run), run, dir / "table");
+  for (const char* of_this_size : {"calibration.yaml", "calib.txt"})
+    fs::remove(dir / "table" / of_this_size);
+  const import::ImportOptions options = options_for(dir / "table", dir / "colmap");
+  const auto said = [&](const char* out) {
+    set_log_file(dir / "said.log");
+    import::import_recording(options, dir / out, {"", "read"});
+    set_log_file({});
+    return read_file(dir / "said.log");
+  };
+  CHECK_THAT(said("same"), !test::naming("all over"));
+  for (const auto& file : fs::directory_iterator(dir / "table/images")) {
+    const torch::Tensor image = imaging::read_image(file.path());
+    imaging::write_image(file.path(),
+                         at::upsample_bilinear2d(image.unsqueeze(0), {144, 192}, false)[0]);
+  }
+  fs::remove(dir / "said.log");
+  CHECK_THAT(said("twice"), test::naming("warn", "all over the 192x144 frames", "Scale"));
+}
+
 TEST_CASE("importer: half-written frames and events written twice are left out", "[import]") {
   const test::TempDir dir;
   const simulate::SimulateRun run = small_run();

@@ -10,6 +10,7 @@
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
 #include "jade/events/stream_faults.h"
+#include "jade/imaging/event_cover.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/unread_images.h"
 #include "jade/import/bad_frames.h"
@@ -191,6 +192,18 @@ void drop_bad_frames(recording::Recording& recording) {
     recording.frames.erase(recording.frames.begin() + std::ptrdiff_t(bad[k]));
 }
 
+/// Warns of events in a corner of the frames, as those of a sensor with fewer pixels are. The
+/// reader warns where they reach the other sides.
+void warn_of_fewer_pixels(const Capture& capture, const events::ImageSize& reach) {
+  constexpr double kOtherSide = 0.9;
+  if (double(reach.width) >= kOtherSide * double(capture.width()) &&
+      double(reach.height) >= kOtherSide * double(capture.height()))
+    return;
+  const std::string fault =
+      imaging::cover_fault(capture.events, capture.shots[capture.shots.size() / 2].image);
+  if (!fault.empty()) log_warn(concat(capture.source, ": ", fault));
+}
+
 /// Events that were written twice would double all changes.
 events::EventStream distinct_events(const recording::Recording& recording) {
   const events::DistinctEvents distinct = events::without_copies(recording.events);
@@ -255,9 +268,12 @@ void check_one_sensor(const Capture& capture) {
   events::ImageSize sensor = capture.sensor;
   if (!capture.sensor_is_said) {
     const torch::Tensor beside = x.ge(width - 0.5).logical_or(y.ge(height - 0.5));
-    if (capture.events.empty() || beside.to(torch::kFloat32).mean().item<double>() < kManyBeside)
-      return;
+    if (capture.events.empty()) return;
     sensor = reach_of(capture.events);
+    if (beside.to(torch::kFloat32).mean().item<double>() < kManyBeside) {
+      warn_of_fewer_pixels(capture, sensor);
+      return;
+    }
   }
   if (sensor.width == capture.width() && sensor.height == capture.height()) return;
   throw DataError(
