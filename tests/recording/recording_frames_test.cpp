@@ -129,6 +129,11 @@ TEST_CASE("recording: edges of one kind are stamps, and a given length replaces 
   options.trigger_level = TriggerLevel::kHigh;
   options.exposure_ms = 0.4;
   CHECK(read_recording(rising, options).frames[2].t_end_us == 3400);
+  // A signal that is low while frames are exposed.
+  const auto inverted =
+      edges("inverted.raw", {{1000, 0}, {1400, 1}, {2000, 0}, {2400, 1}, {3000, 0}, {3400, 1}});
+  CHECK_THAT(notes_of(read_recording(inverted, options)),
+             test::naming("3 pulses of 0.4 ms", "--trigger-level low"));
   // A strobe of 0.1 ms with a last pulse that was cut off.
   const auto strobe = edges(
       "strobe.raw", {{1000, 1}, {1100, 0}, {2000, 1}, {2100, 0}, {3000, 1}, {3100, 0}, {3800, 1}});

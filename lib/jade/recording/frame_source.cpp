@@ -182,6 +182,19 @@ bool follow(const std::vector<FrameFile>& files, const std::vector<int64_t>& edg
   return 2 * (most - least) <= period_us;
 }
 
+/// Warns of a signal with one pulse per frame at the other level than that of the options.
+void check_level(const ReadOptions& options, size_t frames, Recording& recording) {
+  const bool high = options.trigger_level == TriggerLevel::kHigh;
+  const TriggerLevel other = high ? TriggerLevel::kLow : TriggerLevel::kHigh;
+  const auto pulses = exposures_of(recording.triggers, other);
+  if (pulses.size() != frames) return;
+  recording.warnings.push_back(
+      concat("expected one pulse of the trigger input per frame at the level ",
+             word_of(options.trigger_level), ", found one per frame at the other: ", pulses.size(),
+             " pulses of ", length_of(pulses), "; if the signal is inverted, give --trigger-level ",
+             word_of(other)));
+}
+
 /// Uses the trigger input if it has one pulse, or one edge, per frame. A length that the user gives
 /// replaces that of the pulses, as a strobe's pulse marks only a time.
 void apply_triggers(const ReadOptions& options, Contents& contents) {
@@ -209,6 +222,7 @@ void apply_triggers(const ReadOptions& options, Contents& contents) {
                "without a pulse"));
     return;
   }
+  if (pulses.size() != files.size()) check_level(options, files.size(), recording);
   const bool have_lengths = pulses.size() == files.size() && options.exposure_ms <= 0;
   for (size_t i = 0; i < files.size(); ++i)
     files[i].time = have_lengths ? pulses[i] : events::TimeWindow{edges.us[i], edges.us[i]};
