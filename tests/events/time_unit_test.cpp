@@ -103,6 +103,10 @@ TEST_CASE("time unit: lone times without a fraction in floating point are micros
   const auto whole = torch::tensor({1000000., 1050000., 1100001.}, torch::kFloat64);
   CHECK(unit_of(whole) == TimeUnit::kUs);
   CHECK(unit_of(whole * 1000 + 2e17) == TimeUnit::kNs);
+  // On a clock that starts at 0, frames in ns seem to be 50 s apart.
+  CHECK(unit_of(whole * 1000) == TimeUnit::kNs);
+  CHECK(unit_of((whole * 1000).to(torch::kInt64)) == TimeUnit::kNs);
+  CHECK(unit_of(whole.to(torch::kInt64)) == TimeUnit::kUs);
   CHECK(unit_of(whole + 0.5) == TimeUnit::kS);
   // One frame per second, or one in ten minutes.
   const auto seconds = torch::tensor({1.7e9, 1.7e9 + 1, 1.7e9 + 2}, torch::kFloat64);

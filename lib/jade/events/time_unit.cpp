@@ -46,17 +46,21 @@ bool is_whole_and_large(const torch::Tensor& times) {
   return gap > kLongestGapS && t.eq(t.floor()).all().item<bool>();
 }
 
-/// Unit of exposure times whose lengths do not determine it.
-TimeUnit lone_unit(const torch::Tensor& times) {
-  if (!times.is_floating_point()) return TimeUnit::kUs;
-  if (!is_whole_and_large(times)) return TimeUnit::kS;
-  return times.max().to(torch::kFloat64).item<double>() > kOnlyNs ? TimeUnit::kNs : TimeUnit::kUs;
-}
-
 /// Median time from one start to the next; 0 for fewer than three.
 double period_of(const torch::Tensor& start) {
   if (start.numel() < 3) return 0;
   return std::get<0>(start.to(torch::kFloat64).sort()).diff().median().item<double>();
+}
+
+/// Unit of exposure times whose lengths do not determine it. Whole numbers are ns if their clock
+/// counts from 1970, or if frames would be more than 5 s apart in µs.
+TimeUnit lone_unit(const torch::Tensor& times) {
+  constexpr double kLongestPeriodUs = 5e6;
+  if (times.is_floating_point() && !is_whole_and_large(times)) return TimeUnit::kS;
+  if (times.numel() == 0) return TimeUnit::kUs;
+  const bool is_ns = times.max().to(torch::kFloat64).item<double>() > kOnlyNs ||
+                     period_of(times) > kLongestPeriodUs;
+  return is_ns ? TimeUnit::kNs : TimeUnit::kUs;
 }
 
 /// Whether cameras take frames of this length and period, both in ms.
