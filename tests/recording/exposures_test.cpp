@@ -67,7 +67,7 @@ TEST_CASE("exposures: a list is written, read, and its faults named by line", "[
   };
   CHECK_THAT(message("name,start_us,end_us\na,1.5,2\n"), test::naming("bad.csv:2"));
   CHECK_THAT(message("a,1,2\nname,start_us,end_us\n"), test::naming("bad.csv:2"));
-  CHECK_THAT(message("a,3,2\n"), test::naming("bad.csv:1: a", "2 us"));
+  CHECK_THAT(message("a,3,2\n"), test::naming("bad.csv:1: a", "2 us", "duration_us"));
   CHECK_THAT(message("a,1,2\na,3,4\n"), test::naming("bad.csv:2: a", "twice"));
 }
 

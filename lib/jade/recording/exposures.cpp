@@ -141,7 +141,9 @@ std::vector<NamedExposure> read_exposures(const std::filesystem::path& path) {
     if (third == Third::kLength) row.end_us += row.start_us;
     if (row.end_us < row.start_us) {
       throw DataError(concat(path.string(), ":", number, ": ", row.name, " ends at ", row.end_us,
-                             " us, before its start at ", row.start_us, " us; swap the two"));
+                             " us, before its start at ", row.start_us,
+                             " us; swap the two, or name the third column duration_us if it is ",
+                             "the length"));
     }
     if (!names.insert(row.name).second) {
       throw DataError(
