@@ -210,6 +210,9 @@ TEST_CASE("recording: images and lines without each other are noted", "[recordin
   CHECK(has_note(recording, "1 images are listed twice"));
   CHECK(has_note(recording, "1 images of the folder are not listed and are left out (spare.png)"));
   CHECK(has_note(recording, "1 of 3 exposures name a frame that is not there (d)"));
+  dir.write("rpg/exposures.csv", "0,a,100,200\n1,b,500,600\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "rpg"); }),
+             test::naming("exposures.csv", "a line for a.png", "2 such as '0,a'"));
 }
 
 TEST_CASE("recording: listed images are found with and without their folder", "[recording]") {

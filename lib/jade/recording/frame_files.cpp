@@ -145,7 +145,9 @@ void apply_exposures(const fs::path& list, const std::vector<NamedExposure>& exp
     }
     if (found == by_name.end()) {
       throw DataError(concat(list.string(), ": expected a line for ", file.path.filename().string(),
-                             ", found none among ", exposures.size(), "; add it"));
+                             ", found none among ", exposures.size(),
+                             exposures.empty() ? "" : concat(" such as '", exposures[0].name, "'"),
+                             "; add it"));
     }
     const NamedExposure& row = line_of(file.path, found->second, list);
     file.time = events::TimeWindow{row.start_us, row.end_us};
