@@ -252,6 +252,10 @@ TEST_CASE("recording: stamps of 0 and files that were not fetched are named", "[
   write_rpg_folder(dir, "rpg");
   dir.write("rpg/images.txt", "0 images/a.png\n0 images/b.png\n");
   CHECK(has_note(read_recording(dir / "rpg"), "2 frames have a stamp of 0"));
+  // Lengths about these stamps make the exposures equal.
+  dir.write("rpg/exposures.csv", "a,-50,50\nb,-50,50\n");
+  CHECK(has_note(read_recording(dir / "rpg"), "2 frames have a stamp of 0"));
+  std::filesystem::remove(dir / "rpg/exposures.csv");
   dir.write("a.bag", "version https://git-lfs.github.com/spec/v1\noid sha256:aa\n");
   CHECK_THAT(message_of([&] { read_recording(dir / "a.bag"); }),
              test::naming("a.bag", "git lfs pull"));

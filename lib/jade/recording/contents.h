@@ -84,7 +84,13 @@ void add_hdf5_frames(const std::filesystem::path& path, const ReadOptions& optio
 void apply_exposures(const std::filesystem::path& list, const std::vector<NamedExposure>& exposures,
                      std::vector<FrameFile>& files, Recording& recording);
 
-/// Checks that exposures of one camera do not overlap. Tolerates overlaps of a twentieth of the
+/// Whether an exposure is about a stamp of 0, which drivers without a clock write.
+inline bool may_lack_stamp(const events::TimeWindow& exposure) {
+  return exposure.begin_us <= 0 && exposure.end_us >= 0;
+}
+
+/// Checks that exposures of one camera do not overlap, unless all may lack a stamp. Warns of
+/// lengths of at most a thousandth of the frame period. Tolerates overlaps of a twentieth of the
 /// frame period, and longer ones of a tenth of the frames, of which it warns.
 /// @throws DataError naming `list` and two frames with the same exposure, and for exposures that
 ///   are too long for µs.

@@ -263,7 +263,7 @@ void check_own_times(const fs::path& source, const std::vector<FrameFile>& files
                    [&](const FrameFile* a, const FrameFile* b) { return key(a) < key(b); });
   const auto same =
       std::adjacent_find(timed.begin(), timed.end(), [&](const FrameFile* a, const FrameFile* b) {
-        return key(a) == key(b) && key(a) != std::pair(int64_t(0), int64_t(0));
+        return key(a) == key(b) && !may_lack_stamp(*a->time);
       });
   if (same == timed.end()) return;
   throw DataError(concat(source.string(), ": expected a time of its own for each frame, found ",
