@@ -103,6 +103,13 @@ TEST_CASE("clock offset: beyond the reach, and without events, there is doubt", 
                   ContractError);
 }
 
+TEST_CASE("clock offset: frames that are too dark are not taken for missing events", "[import]") {
+  test::PatternRecording dark = test::record_pattern(by_hand(), noisy_sensor());
+  for (data::Exposure& exposure : dark.exposures) exposure.blurry = exposure.blurry * 0.01;
+  CHECK_THAT(import::estimate_clock_offset(dark.exposures, dark.events).doubt,
+             Catch::Contains("too dark"));
+}
+
 TEST_CASE("clock offset: a periodic motion has two answers", "[import]") {
   auto motion = by_hand();
   // Oscillates at 50 Hz: after 20 ms everything repeats.

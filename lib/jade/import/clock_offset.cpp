@@ -220,7 +220,9 @@ std::vector<size_t> chosen_pairs(const std::vector<data::Exposure>& exposures, i
 }
 
 std::string doubt_of(const ClockOffset& result, size_t peak) {
-  if (result.pairs == 0) return "no events around two neighbouring frames; do the clocks overlap?";
+  if (result.pairs == 0)
+    return "no two neighbouring frames have events around them and are neither too dark nor too "
+           "bright; do the clocks overlap?";
   if (result.correlation < kLeastCorrelation) {
     return "frames and events do not change together; does the camera stand still?";
   }
