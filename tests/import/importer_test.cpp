@@ -350,6 +350,19 @@ TEST_CASE("importer: an offset takes the events back by what their clock is ahea
   CHECK(events.last_us() == 61000);
 }
 
+TEST_CASE("importer: times of frames in a wrong unit are no offset", "[import]") {
+  const test::TempDir dir;
+  import::ImportOptions options = options_for(write_late_events(dir, 5000), dir / "colmap");
+  options.frames = write_gray_frames(dir, "frames", 0.5);
+  fs::remove(dir / "frames/exposures.csv");
+  const auto import = [&] { import::import_recording(options, dir / "out", {"", "read"}); };
+  // Milliseconds, which are read as seconds.
+  dir.write("frames/images.txt", "20.5 f0.png\n40.5 f1.png\n60.5 f2.png\n80.5 f3.png\n");
+  CHECK_THROWS_NAMING(DataError, import(), "1000 times as long", "seconds");
+  dir.write("frames/images.txt", "20.02 f0.png\n20.04 f1.png\n20.06 f2.png\n20.08 f3.png\n");
+  CHECK_THROWS_NAMING(DataError, import(), "--offset-ms");
+}
+
 TEST_CASE("importer: an offset may lie between a device's clock and one from 1970", "[import]") {
   import::ImportOptions options;
   config::read_text("time: {offset_ms: -1.7e12}", "a.yaml", fields_of(options));

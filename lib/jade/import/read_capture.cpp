@@ -85,6 +85,19 @@ void check_recording(const recording::Recording& recording, const TimeOptions& t
   }
 }
 
+/// The factor of a unit by which frames last longer than events; 0 if they do not.
+int64_t wrong_unit(const recording::Recording& recording) {
+  constexpr double kAlike = 2;
+  const auto frames_us =
+      double(recording.frames.back().t_end_us - recording.frames.front().t_start_us);
+  const auto events_us = double(recording.stored_us.end_us - recording.stored_us.begin_us);
+  for (const int64_t factor : {1000, 1000000, 1000000000}) {
+    const double shared = frames_us / double(factor);
+    if (events_us > 0 && shared < kAlike * events_us && kAlike * shared > events_us) return factor;
+  }
+  return 0;
+}
+
 void check_overlap(const recording::Recording& recording) {
   if (recording.frames.empty() || recording.stored_events == 0) return;
   if (!recording.events.empty()) return;
@@ -97,12 +110,18 @@ void check_overlap(const recording::Recording& recording) {
                            " frames with a stamp of 0: their driver wrote no times; give their "
                            "exposures with --frame-times"));
   }
+  const int64_t factor = wrong_unit(recording);
   throw DataError(
       concat(recording.source.string(), ": no event lies near a frame: frames from ",
              recording.frames.front().t_start_us, " to ", recording.frames.back().t_end_us, " us, ",
              recording.stored_events, " events from ", recording.stored_us.begin_us, " to ",
-             recording.stored_us.end_us,
-             " us; the two clocks do not overlap, give the offset between them with --offset-ms"));
+             recording.stored_us.end_us, " us; ",
+             factor > 0 ? concat("the frames last about ", factor,
+                                 " times as long as the events, so their times were read in a "
+                                 "wrong unit: write them as seconds with six decimals in "
+                                 "images.txt, or as whole us in another list")
+                        : "the two clocks do not overlap, give the offset between them with "
+                          "--offset-ms"));
 }
 
 void check_shots(const Capture& capture) {
