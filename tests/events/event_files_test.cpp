@@ -538,6 +538,9 @@ TEST_CASE("event files: text in the dialects of spreadsheets", "[events]") {
   check("t,x,y,p,\n100,1.5,0,1,\n250,2,1,0,\n250,3,2.25,1,\n999,0,7,1,\n");
   check("t,x,y,p\r100,1.5,0,1\r250,2,1,0\r250,3,2.25,1\r999,0,7,1\r");
   check("t,x,y,p\r\n100,1.5,0,1\r\n250,2,1,0\r\n250,3,2.25,1\r\n999,0,7,1");
+  std::ofstream(dir / "a.csv") << "t,x,y,p\n100,1,0,pos\n250,2,1,neg\n";
+  CHECK_THROWS_NAMING(jade::DataError, read_events(dir / "a.csv"), "a.csv:2", "polarity",
+                      "1 for brighter");
 }
 
 TEST_CASE("event files: text with seconds and nanoseconds, and in UTF-16", "[events]") {

@@ -340,7 +340,9 @@ RawEvents read_text_events(const std::filesystem::path& path) {
     }
     if (count < 0) {
       throw DataError(concat(path.string(), ":", line, ": expected numbers (\"t x y p\"), found '",
-                             text.substr(0, 40), "'; remove the line"));
+                             text.substr(0, 40),
+                             "'; remove the line or, if polarity is a word, write 1 for brighter "
+                             "and 0 for darker"));
     }
     events.add(line, count, numbers);
   });
