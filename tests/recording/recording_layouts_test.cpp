@@ -326,6 +326,13 @@ TEST_CASE("layouts: frames of MVSEC come with the events of their camera", "[rec
     CHECK_THAT(layout_notes(recording),
                Catch::Contains(side == "left" ? "davis/right/image_raw" : "davis/left/image_raw"));
   }
+  // Some files have whole us in floating point.
+  const hid_t again = H5Fopen((dir / "mvsec.hdf5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  const hid_t stamps = H5Dopen2(again, "davis/right/image_raw_ts", H5P_DEFAULT);
+  const double times_us[2] = {1005000, 1020000};
+  H5Dwrite(stamps, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, times_us);
+  H5Dclose(stamps), H5Fclose(again);
+  CHECK(read_recording(dir / "mvsec.hdf5", options).frames[0].t_start_us == 1005000);
 }
 
 namespace {

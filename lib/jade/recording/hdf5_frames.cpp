@@ -63,13 +63,10 @@ std::vector<int64_t> read_times_us(const io::Hdf5File& file, const std::string& 
   } else {
     file.read<int64_t>(name, 0, count, times.data_ptr<int64_t>());
   }
-  if (unit == events::TimeUnit::kAuto) {
-    const double last = count > 0 ? times.max().to(torch::kFloat64).item<double>() : 0;
-    unit = floating                 ? events::TimeUnit::kS
-           : last > events::kOnlyNs ? events::TimeUnit::kNs
-                                    : events::TimeUnit::kUs;
-  }
-  return events::times_us(times, unit, concat(file.path().string(), ": ", name));
+  const std::string where = concat(file.path().string(), ": ", name);
+  if (unit == events::TimeUnit::kAuto)
+    unit = events::guess_exposure_unit(times, times, where, "give the unit");
+  return events::times_us(times, unit, where);
 }
 
 /// [1,H,W] or [3,H,W] in [0,1].
