@@ -5,8 +5,8 @@
 
 W1 to W5 are bit-identical to those of `jade_bench splat`: nine views in one call. "splat" is the op with the
 parameters of jade_bench, "rasterization" the function with gsplat's interface, both with gradients of all
-Gaussians and cameras, and both again as CUDA graphs. jade_bench's own figure is the backward pass from a given cotangent, which "splat" repeats;
-gsplat is timed through (image * cotangent).sum(), and "rasterization" as well.
+Gaussians and cameras, and both again as CUDA graphs. jade_bench's own figure is the backward pass from a given
+cotangent, which "splat" repeats; gsplat is timed through (image * cotangent).sum(), and "rasterization" as well.
 
   OMP_NUM_THREADS=1 python python/jade_splat/benchmark.py --host [--repeats 300] [--json FILE]
 
@@ -104,7 +104,7 @@ def median_ms(work: Callable[[], None], repeats: int, device: torch.device) -> f
 
 
 def captured(work: Callable[[], None]) -> Callable[[], None]:
-    """The same work as a CUDA graph, which the host launches by one call."""
+    """Captures the work as a CUDA graph, which the host launches by one call; returns its replay."""
     stream = torch.cuda.Stream()
     stream.wait_stream(torch.cuda.current_stream())
     with torch.cuda.stream(stream):
@@ -296,7 +296,8 @@ def main() -> None:
                 row = {"workload": name, "way": way + ", CUDA graph" * (prepare is captured), "device": str(device)}
                 row |= measure(work, *call, options.repeats or 50, prepare)
                 rows.append(row)
-                print(f"{name} {row['way']:25} {row['forward_ms']:9.3f} ms forward {row['forward_backward_ms']:9.3f} ms both", flush=True)
+                times = f"{row['forward_ms']:9.3f} ms forward {row['forward_backward_ms']:9.3f} ms both"
+                print(f"{name} {row['way']:28} {times}", flush=True)
     if options.json:
         with open(options.json, "w") as file:
             json.dump(rows, file, indent=1)
