@@ -160,6 +160,18 @@ TEST_CASE("layouts: DSEC with its offset, its index and a rectification that is 
   CHECK_THAT(layout_notes(read_recording(dir / "both.h5")), test::naming("rectify_map"));
 }
 
+TEST_CASE("layouts: files of events beside the one that is read are named", "[recording]") {
+  const TempDir dir;
+  const auto warnings = [&] { return layout_notes(read_recording(dir.path())); };
+  dir.write("events.csv", "t,x,y,p\n1000,1,2,1\n2000,3,4,0\n");
+  CHECK(warnings().find("expected one file of events") == std::string::npos);
+  dir.write("events.raw", "");
+  CHECK_THAT(warnings(), test::naming("expected one file of events, found events.raw",
+                                      "events.csv, which is read"));
+  dir.write("events.txt", "0.001 1 2 1\n0.002 3 4 0\n");
+  CHECK_THAT(warnings(), test::naming("found events.csv, events.raw", "events.txt, which is read"));
+}
+
 TEST_CASE("layouts: M3ED has two cameras and their sizes, one of which is chosen", "[recording]") {
   const TempDir dir;
   const auto path = dir / "m3ed.h5";

@@ -22,11 +22,14 @@ using events::TimeUnit;
 /// Description file in folders written by scripts/read_recording.py.
 constexpr const char* kDescription = "recording.txt";
 
+constexpr const char* kTextNames[] = {"events.txt", "events.txt.gz"};
+constexpr const char* kOtherNames[] = {
+    "events.h5",  "events.hdf5", "events/events.h5", "events/left/events.h5", "events_left.h5",
+    "events.npz", "events.npy",  "events.csv",       "events.csv.gz",         "events.raw"};
+
 /// The file of the events; with two cameras that of the left one.
 fs::path events_in(const fs::path& folder) {
-  for (const char* name :
-       {"events.h5", "events.hdf5", "events/events.h5", "events/left/events.h5", "events_left.h5",
-        "events.npz", "events.npy", "events.csv", "events.csv.gz", "events.raw"}) {
+  for (const char* name : kOtherNames) {
     if (fs::is_regular_file(folder / name)) return folder / name;
   }
   // TUM-VIE: SEQUENCE-events_left.h5
@@ -180,11 +183,26 @@ bool is_event_folder(const fs::path& folder) {
 }
 
 fs::path text_events_in(const fs::path& folder) {
-  for (const char* name : {"events.txt", "events.txt.gz"}) {
+  for (const char* name : kTextNames) {
     std::error_code ignored;
     if (fs::is_regular_file(folder / name, ignored)) return folder / name;
   }
   return {};
+}
+
+void warn_of_other_events(const fs::path& folder, const fs::path& read, Recording& recording) {
+  std::string others;
+  const auto add = [&](const char* name) {
+    std::error_code ignored;
+    if (folder / name == read || !fs::is_regular_file(folder / name, ignored)) return;
+    others += concat(others.empty() ? "" : ", ", name);
+  };
+  for (const char* name : kTextNames) add(name);
+  for (const char* name : kOtherNames) add(name);
+  if (others.empty()) return;
+  recording.warnings.push_back(concat(folder.string(), ": expected one file of events, found ",
+                                      others, " beside ", read.lexically_relative(folder).string(),
+                                      ", which is read; remove those that do not count"));
 }
 
 std::vector<std::string> packed_files(const fs::path& folder) {
@@ -249,6 +267,7 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
     // With frames of another source, the offset refers to their clock, not to this folder's.
     const int64_t ahead_us = options.frames.empty() ? options.near_frames_ahead_us.value_or(0) : 0;
     out.read_events = events_of(events, options, span_of(out.files, ahead_us), recording);
+    warn_of_other_events(folder, events, recording);
   }
   if (described) describe(folder, options, out);
   return out;

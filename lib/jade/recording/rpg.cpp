@@ -210,7 +210,9 @@ Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
   out.files = fs::is_regular_file(list) ? listed_images(list, recording) : unlisted_images(folder);
   if (!out.files.empty()) add_exposures(folder, out.files, recording);
   if (out.files.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
-  out.read_events = events_of(text_events_in(folder), options, std::nullopt, recording);
+  const fs::path events = text_events_in(folder);
+  out.read_events = events_of(events, options, std::nullopt, recording);
+  warn_of_other_events(folder, events, recording);
   return out;
 }
 
