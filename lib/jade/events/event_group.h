@@ -33,10 +33,6 @@ struct EventGroupResult {
 /// x comes before y.
 /// @param group  for an HDF5 file: the group of the arrays, or the name of the records or the
 ///   table. Empty: the stream nearest to the root, the first by name, with a warning that lists all
-///
-///
-///
-///
 /// @throws DataError as read_events, for ambiguous columns, and for a group that the file does not
 ///   contain.
 EventGroupResult read_event_group(const std::filesystem::path& path,

@@ -66,13 +66,6 @@ struct RenderOutput {
 /// gradients and are counted in `rejected`. The image depends on neither tile size, thread count
 /// nor batch; CPU results, gradients included, are bit-identical for any thread count.
 ///
-///
-///
-///
-///
-///
-///
-///
 /// @throws ContractError for shapes, dtypes and devices that do not match, DeviceError for a CUDA
 ///   tensor in a build without CUDA kernels.
 RenderOutput render(const Gaussians& gaussians, const CameraBatch& cameras,
