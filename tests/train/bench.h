@@ -88,6 +88,12 @@ struct Bench {
   }
 };
 
+/// Makes the Gaussians' scales unequal, so that their rotations have gradients.
+inline void stretch(train::TrainState& state) {
+  const torch::NoGradGuard no_grad;
+  state.gaussians.parameters().log_scales.select(1, 0).add_(0.5);
+}
+
 inline std::string names_of(const std::vector<losses::NamedTerm>& terms) {
   std::string names;
   for (const losses::NamedTerm& term : terms) names += term.name + " ";

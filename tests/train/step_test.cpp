@@ -6,6 +6,8 @@
 #include <algorithm>
 
 #include "jade/train/step_feed.h"
+#include "jade/train/step_graph.h"
+#include "support/backend_agreement.h"
 #include "train/bench.h"
 
 using namespace jade;
@@ -42,6 +44,30 @@ TEST_CASE("steps: poses without gradient are not rendered and do not dilute the 
   const splat::ScreenStatistics& seen = bench.state.densifier.accumulated();
   CHECK(seen.visible_count.max().item<float>() == 1);
   CHECK(seen.gradient_norm.max().item<float>() > 0);
+}
+
+TEST_CASE("steps: concurrent work on a GPU moves the scene as work in sequence", "[train][cuda]") {
+  const torch::Device gpu(torch::kCUDA, 0);
+  const train::StreamScope stream(gpu);
+  const test::TinyScene scene;
+  const auto first_moments = [&](bool concurrent) {
+    Bench bench(scene, gpu);
+    test::stretch(bench.state);
+    const train::StepInputs inputs = bench.inputs(1, 9);
+    if (concurrent) {
+      bench.alternate(inputs);
+    } else {
+      const train::Renders renders = bench.render(inputs);
+      bench.route(inputs, renders);
+      train::scene_step(bench.state, inputs, renders,
+                        train::scene_target(bench.state, inputs.view, 1), bench.plan(9),
+                        bench.options);
+    }
+    std::vector<torch::Tensor> moments = copies(bench.state.gaussian_adam.first_moments());
+    for (torch::Tensor& each : moments) each = each.cpu();
+    return moments;
+  };
+  test::check_gradients(first_moments(true), first_moments(false));
 }
 
 TEST_CASE("steps: poses move by the step size of their own step", "[train]") {
