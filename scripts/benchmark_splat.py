@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Times the op from Python on the workloads of jade_bench, beside gsplat if that is installed.
 
-  python python/jade_splat/benchmark.py [--device cuda] [--workload W1,W2,W3,W4,W5] [--repeats 50] [--json FILE]
+  python scripts/benchmark_splat.py [--device cuda] [--workload W1,W2,W3,W4,W5] [--repeats 50] [--json FILE]
 
 W1 to W5 are bit-identical to those of `jade_bench splat`: nine views in one call. "splat" is the op with the
 parameters of jade_bench, "rasterization" the function with gsplat's interface, both with gradients of all
 Gaussians and cameras, and both again as CUDA graphs. jade_bench's own figure is the backward pass from a given
 cotangent, which "splat" repeats; gsplat is timed through (image * cotangent).sum(), and "rasterization" as well.
 
-  OMP_NUM_THREADS=1 python python/jade_splat/benchmark.py --host [--repeats 300] [--json FILE]
+  OMP_NUM_THREADS=1 python scripts/benchmark_splat.py --host [--repeats 300] [--json FILE]
 
 measures what the host does per call, on the CPU: one Gaussian, 16x16 px, nine views, both passes from a given
 cotangent. "ops" are the two ops without autograd; "empty function" is an autograd.Function of as many tensors that
