@@ -40,7 +40,7 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
   program.begin_group("Time");
   program
       .add_key_flag("--frame-times", "time.frame_times",
-                    "File with the start and end of every exposure")
+                    "File with the start and end of every exposure, or one time per frame")
       ->type_name("FILE");
   program
       .add_key_flag("--exposure-ms", "time.exposure_ms",

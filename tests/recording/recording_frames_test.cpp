@@ -183,6 +183,34 @@ TEST_CASE("recording: frames of a folder have the times of a list before those o
   CHECK_THAT(error_of([&] { read_recording(raw, options); }), test::naming("images", "none"));
 }
 
+TEST_CASE("recording: a list without names has the times of the frames in their order",
+          "[recording]") {
+  const TempDir dir;
+  dir.write("rpg/events.txt", "0.0001 0 0 1\n2.5 7 5 0\n");
+  write_frames(dir / "rpg/images", 3);
+  const auto second_of = [&](const std::string& list) {
+    ReadOptions options;
+    options.frame_times = dir.write("list.txt", list);
+    const Recording recording = read_recording(dir / "rpg", options);
+    REQUIRE(recording.frames.size() == 3);
+    return std::pair(recording.frames[1].t_start_us, recording.frames[1].t_end_us);
+  };
+  const std::pair<int64_t, int64_t> time(1100000, 1100000), exposure(1100000, 1150000);
+  CHECK(second_of("1.0\n1.1\n1.2\n") == time);
+  CHECK(second_of("t_ns\n1000000000\n1100000000\n1200000000\n") == time);
+  CHECK(second_of("# number, time\n1 1.0\n2 1.1\n3 1.2\n") == time);
+  CHECK(second_of("1000000,1050000\n1100000,1150000\n1200000,1250000\n") == exposure);
+  CHECK(second_of("f1,1100000,1150000\nf0,1000000,1050000\nf2,1200000,1250000\n") == exposure);
+  CHECK_THROWS_WITH(second_of("1.0\n1.1\n"), test::naming("list.txt", "2 lines", "3 frames"));
+  CHECK_THROWS_WITH(second_of("1000000 1050000 f0.png\n"), test::naming("list.txt:1", "name"));
+
+  // Beside the frames it needs no flag.
+  dir.write("rpg/timestamps.txt", "1.0\n1.1\n1.2\n");
+  const Recording found = read_recording(dir / "rpg");
+  REQUIRE(found.frames.size() == 3);
+  CHECK(found.frames[1].t_start_us == 1100000);
+}
+
 TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[recording]") {
   const TempDir dir;
   const auto raw = write_triggered(dir);

@@ -45,7 +45,8 @@ struct TimeOptions {
 template <class V>
 void describe(V& v, TimeOptions& o) {
   v.field("frame_times", o.frame_times,
-          "list of exposures, name,start_us,end_us; empty: those of the recording");
+          "list of exposures, name,start_us,end_us, or of one time per frame; empty: those of the "
+          "recording");
   v.field("exposure_ms", o.exposure_ms,
           "exposure time of frames without a recorded one; auto: estimated from frames and events",
           Range{0, 1e5});

@@ -137,6 +137,13 @@ void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
 bool add_frame_list(const std::filesystem::path& images, const ReadOptions& options,
                     std::vector<FrameFile>& files, Recording& recording);
 
+/// Assigns the times of a list without names: one time per line, two with a count before it, or the
+/// start and end of an exposure; lines, frames and units as in add_frame_list(). False if the list
+/// has names.
+/// @throws DataError as add_frame_list()
+bool apply_numbers(const std::filesystem::path& path, const ReadOptions& options,
+                   std::vector<FrameFile>& files, Recording& recording);
+
 /// From the first exposure to the last, by a clock that is ahead by the offset; no value: no file
 /// has a time.
 std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files, int64_t ahead_us);

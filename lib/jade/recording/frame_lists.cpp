@@ -204,16 +204,10 @@ std::vector<int64_t> column_us(const std::vector<Row>& rows, size_t column, Time
   return events::times_us(torch::tensor(times, torch::kFloat64), unit, list.string());
 }
 
-/// Reads DSEC's list of exposures. False if there is none.
-bool add_spans(const std::vector<fs::path>& folders, const std::string& side, TimeUnit unit,
-               std::vector<FrameFile>& files, Recording& recording) {
+/// Assigns the exposures of a list of their starts and ends.
+void set_spans(const NumberList& list, TimeUnit unit, std::vector<FrameFile>& files,
+               Recording& recording) {
   std::vector<std::string>& notes = recording.notes;
-  const std::string whole = "image_exposure_timestamps_" + side + ".txt";
-  const NumberList list = read_list(
-      find_list(folders, {"exposure_timestamps.txt", "exposure_timestamps_" + side + ".txt", whole},
-                "_" + whole),
-      2, 2);
-  if (list.rows.empty()) return false;
   const std::vector<Row> rows = rows_of(list, files, notes);
   const auto starts = column_us(rows, 0, unit, list.path, notes);
   const auto ends = column_us(rows, 1, unit, list.path, notes);
@@ -225,7 +219,34 @@ bool add_spans(const std::vector<fs::path>& folders, const std::string& side, Ti
   }
   notes.push_back(concat(list.path.string(), ": has the exposures of the frames"));
   check_apart(list.path, files, recording);
+}
+
+/// Reads DSEC's list of exposures. False if there is none.
+bool add_spans(const std::vector<fs::path>& folders, const std::string& side, TimeUnit unit,
+               std::vector<FrameFile>& files, Recording& recording) {
+  const std::string whole = "image_exposure_timestamps_" + side + ".txt";
+  const NumberList list = read_list(
+      find_list(folders, {"exposure_timestamps.txt", "exposure_timestamps_" + side + ".txt", whole},
+                "_" + whole),
+      2, 2);
+  if (list.rows.empty()) return false;
+  set_spans(list, unit, files, recording);
   return true;
+}
+
+/// Whether the first line of a list has one or two numbers and nothing else.
+bool has_no_names(const fs::path& path) {
+  std::istringstream text(io::read_text(path));
+  bool first = true;
+  for (std::string line; std::getline(text, line); first = false) {
+    const auto begin = line.find_first_not_of(" \t\r");
+    if (begin == std::string::npos || line[begin] == '#') continue;
+    const std::optional<Row> row = numbers_of(line);
+    if (!row && first) continue;
+    return row && (row->size() == 1 || row->size() == 2) &&
+           line.find_first_not_of("0123456789.,;+-eE \t\r") == std::string::npos;
+  }
+  return false;
 }
 
 /// Lengths of the exposures, in us.
@@ -252,20 +273,43 @@ Lengths find_lengths(const std::vector<fs::path>& folders, const std::string& si
   return out;
 }
 
+/// Whether lines of two numbers count the frames before their times.
+bool counts(const NumberList& list) {
+  for (size_t i = 0; i < list.rows.size(); ++i) {
+    if (list.rows[i][0] != list.rows[0][0] + double(i)) return false;
+  }
+  return true;
+}
+
 /// The column of the times, before which the frames may be counted.
 /// @throws DataError naming a line with two numbers that do not count.
 size_t time_column(const NumberList& list) {
   if (list.rows.front().size() == 1) return 0;
-  for (size_t i = 0; i < list.rows.size(); ++i) {
-    if (list.rows[i][0] == list.rows[0][0] + double(i)) continue;
-    throw DataError(concat(list.path.string(), ": expected one time per frame, found ",
-                           list.rows[i][0], " and ", list.rows[i][1], " for frame ", i,
-                           "; write one number per line, with a decimal point"));
-  }
-  return 1;
+  if (counts(list)) return 1;
+  throw DataError(concat(list.path.string(), ": expected one time per frame, found ",
+                         list.rows[0][0], " and ", list.rows[0][1],
+                         " for the first; write one number per line, with a decimal point"));
 }
 
 }  // namespace
+
+bool apply_numbers(const fs::path& path, const ReadOptions& options, std::vector<FrameFile>& files,
+                   Recording& recording) {
+  if (!has_no_names(path)) return false;
+  const NumberList list = read_list(path, 1, 2);
+  const bool single = list.rows.front().size() == 1;
+  if (!single && !counts(list)) {
+    set_spans(list, options.time_unit, files, recording);
+    return true;
+  }
+  const std::vector<int64_t> at = column_us(rows_of(list, files, recording.notes), single ? 0 : 1,
+                                            options.time_unit, path, recording.notes);
+  for (size_t i = 0; i < files.size(); ++i) files[i].time = events::TimeWindow{at[i], at[i]};
+  recording.notes.push_back(concat(path.string(), ": has one time per frame; it is taken as the ",
+                                   word_of(recording.stamp), " of the exposure"));
+  check_apart(path, files, recording);
+  return true;
+}
 
 bool add_frame_list(const fs::path& images, const ReadOptions& options,
                     std::vector<FrameFile>& files, Recording& recording) {

@@ -327,8 +327,10 @@ void complete_exposures(const ReadOptions& options, Contents& contents) {
   Recording& recording = contents.recording;
   auto& files = contents.files;
   recording.stamp = options.stamp.value_or(recording.stamp);
-  if (!options.frame_times.empty())
+  if (!options.frame_times.empty() &&
+      !apply_numbers(options.frame_times, options, files, recording)) {
     apply_exposures(options.frame_times, read_exposures(options.frame_times), files, recording);
+  }
   apply_triggers(options, contents);
   check_own_times(options.frames.empty() ? recording.source : options.frames, files);
   check_resolution(files, recording.warnings);

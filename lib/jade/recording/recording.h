@@ -79,10 +79,11 @@ struct ReadOptions {
   double event_bytes = 17;
   /// A folder of images or a video that replaces the recording's frames.
   std::filesystem::path frames;
-  std::filesystem::path frame_times;  ///< a list of exposures (exposures.h) for the frames
-  double exposure_ms = 0;             ///< for frames of unknown length; 0: unknown
-  std::optional<Stamp> stamp;         ///< instant that a frame's single time marks; no value: the
-                                      ///< format's default
+  /// A list of exposures (exposures.h) for the frames, or of numbers in their order.
+  std::filesystem::path frame_times;
+  double exposure_ms = 0;      ///< for frames of unknown length; 0: unknown
+  std::optional<Stamp> stamp;  ///< instant that a frame's single time marks; no value: the
+                               ///< format's default
   TriggerLevel trigger_level = TriggerLevel::kHigh;
   /// Interpreter of scripts/read_recording.py; empty: $JADE_PYTHON, else the project's own, else
   /// python3.

@@ -46,13 +46,6 @@ std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
   return std::nullopt;
 }
 
-/// Replaces single times by the exposures of exposures.csv.
-void add_exposures(const fs::path& folder, std::vector<FrameFile>& files, Recording& recording) {
-  const fs::path list = folder / "exposures.csv";
-  if (!fs::is_regular_file(list)) return;
-  apply_exposures(list, read_exposures(list), files, recording);
-}
-
 /// Prefix of the recording in an archive: "" or "folder/".
 std::string prefix_of(const io::Zip& archive) {
   std::string best;
@@ -206,9 +199,14 @@ Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
   // rpg_dvs_ros uses libcaer's frame time, the middle of the exposure.
   recording.stamp = Stamp::kMiddle;
   recording.calibration = find_calibration(folder);
-  const fs::path list = folder / "images.txt";
-  out.files = fs::is_regular_file(list) ? listed_images(list, recording) : unlisted_images(folder);
-  if (!out.files.empty()) add_exposures(folder, out.files, recording);
+  const fs::path list = folder / "images.txt", exposures = folder / "exposures.csv";
+  const bool listed = fs::is_regular_file(list);
+  out.files = listed ? listed_images(list, recording) : unlisted_images(folder);
+  if (!out.files.empty() && fs::is_regular_file(exposures)) {
+    apply_exposures(exposures, read_exposures(exposures), out.files, recording);
+  } else if (!out.files.empty() && !listed && options.frame_times.empty()) {
+    add_frame_list(out.files.front().path.parent_path(), options, out.files, recording);
+  }
   if (out.files.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
   const fs::path events = text_events_in(folder);
   out.read_events = events_of(events, options, std::nullopt, recording);
