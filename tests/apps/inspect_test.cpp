@@ -97,7 +97,7 @@ TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   check_error(run(dir, "jade_inspect nowhere"), 3, "nowhere");
   REQUIRE(mkfifo((dir / "pipe").c_str(), 0600) == 0);
   check_error(run(dir, "jade_inspect pipe"), 3, "pipe", "expected a file or a folder");
-  check_error(run(dir, "jade_import pipe --output out --quiet"), 3, "pipe",
+  check_error(run(dir, "jade_import pipe --until read --output out --quiet"), 3, "pipe",
               "found a pipe or a device");
   dir.write("model/sparse/0/cameras.txt", "1 PINHOLE 8 6 5 5 4 3\n");
   dir.write("model/sparse/0/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n");
