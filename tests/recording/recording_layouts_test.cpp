@@ -347,6 +347,69 @@ TEST_CASE("layouts: frames of MVSEC come with the events of their camera", "[rec
   CHECK(read_recording(dir / "mvsec.hdf5", options).frames[0].t_start_us == 1005000);
 }
 
+TEST_CASE("layouts: pictures of event_utils and EFNet come with their times", "[recording]") {
+  const TempDir dir;
+  const auto write = [&](const std::string& name, std::vector<hsize_t> shape,
+                         const std::vector<uint8_t>& bytes, const std::string& type, double stamp,
+                         bool exposed) {
+    const bool is_new = !std::filesystem::exists(dir / "monash.h5");
+    if (is_new) {
+      const hid_t file = create(dir / "monash.h5");
+      write_table(file, "events", false, {0, 1, 2, 3});
+      H5Fclose(file);
+    }
+    const hid_t file = H5Fopen((dir / "monash.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t links = H5Pcreate(H5P_LINK_CREATE);
+    H5Pset_create_intermediate_group(links, 1);
+    const hid_t space = H5Screate_simple(int(shape.size()), shape.data(), nullptr);
+    const hid_t data =
+        H5Dcreate2(file, name.c_str(), H5T_NATIVE_UINT8, space, links, H5P_DEFAULT, H5P_DEFAULT);
+    H5Dwrite(data, H5T_NATIVE_UINT8, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data());
+    const hid_t one = H5Screate(H5S_SCALAR);
+    const auto put = [&](const char* key, double value) {
+      const hid_t attribute =
+          H5Acreate2(data, key, H5T_NATIVE_DOUBLE, one, H5P_DEFAULT, H5P_DEFAULT);
+      H5Awrite(attribute, H5T_NATIVE_DOUBLE, &value);
+      H5Aclose(attribute);
+    };
+    put("timestamp", stamp);
+    if (exposed) put("exposure_start", stamp - 0.004), put("exposure_end", stamp + 0.004);
+    const hid_t text = H5Tcopy(H5T_C_S1);
+    H5Tset_size(text, type.size() + 1);
+    const hid_t attribute = H5Acreate2(data, "type", text, one, H5P_DEFAULT, H5P_DEFAULT);
+    H5Awrite(attribute, text, type.c_str());
+    H5Aclose(attribute), H5Tclose(text), H5Sclose(one), H5Dclose(data), H5Sclose(space);
+    H5Pclose(links), H5Fclose(file);
+  };
+  std::vector<uint8_t> bgr;  // [H,W,3]
+  for (int i = 0; i < 48 * 64; ++i) bgr.insert(bgr.end(), {51, 102, 204});
+  std::vector<uint8_t> planes;  // [3,H,W]
+  for (const uint8_t value : {51, 102, 204}) planes.insert(planes.end(), 48 * 64, value);
+  write("images/image000000000", {48, 64, 3}, bgr, "color_bgr", 1.005, true);
+  write("images/image000000001", {3, 48, 64}, planes, "rgb", 1.02, true);
+  write("sharp_images/image000000000", {48, 64, 3}, bgr, "color_bgr", 1.005, false);
+  const Recording colour = read_recording(dir / "monash.h5");
+  check_read(colour);
+  REQUIRE(colour.frames.size() == 2);
+  CHECK(colour.frames[0].name == "image000000000");
+  CHECK(colour.frames[0].t_start_us == 1001000);
+  CHECK(colour.frames[1].t_end_us == 1024000);
+  CHECK(colour.frames[0].image[0][5][5].item<float>() == Approx(0.8).margin(1e-4));
+  CHECK(colour.frames[1].image[0][5][5].item<float>() == Approx(0.2).margin(1e-4));
+  CHECK_THAT(layout_notes(colour), Catch::Contains("1 pictures of sharp_images/"));
+
+  std::filesystem::remove(dir / "monash.h5");
+  const std::vector<uint8_t> gray(48 * 64, 102);
+  write("images/image000000000", {48, 64}, gray, "greyscale", 1.005, false);
+  write("images/image000000001", {48, 64, 1}, gray, "greyscale", 1.02, false);
+  const Recording single = read_recording(dir / "monash.h5");
+  REQUIRE(single.frames.size() == 2);
+  CHECK(single.frames[1].t_start_us == 1020000);
+  CHECK(single.frames[1].t_end_us == 1020000);
+  CHECK(single.frames[1].image[0][5][5].item<float>() == Approx(0.4).margin(1e-4));
+  CHECK((single.width == 64 && single.height == 48));
+}
+
 namespace {
 
 void write_pictures(const std::filesystem::path& folder, const std::vector<std::string>& names) {

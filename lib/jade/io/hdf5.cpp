@@ -253,6 +253,17 @@ void Hdf5File::read_item(const std::string& name, int64_t index, uint8_t* out) c
   read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, H5T_NATIVE_UINT8, out);
 }
 
+void Hdf5File::read_bytes(const std::string& name, uint8_t* out) const {
+  const Hdf5Dataset& info = dataset(name);
+  if (!is_numeric(info))
+    throw ContractError(concat(path_.string(), ": bytes of '", name, "' asked"));
+  int64_t count = 1;
+  for (const int64_t side : info.shape) count *= side;
+  const Hdf5Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
+  const Hdf5Id file_space(H5Dget_space(id));
+  read_space(name, id, file_space, count, H5T_NATIVE_UINT8, out);
+}
+
 template <class T>
 void Hdf5File::read_column(const std::string& name, size_t axis, int64_t index, int64_t begin,
                            int64_t count, T* out) const {
@@ -280,6 +291,20 @@ std::string Hdf5File::attribute(const std::string& name) const {
 std::string Hdf5File::attribute(const std::string& dataset, const std::string& name) const {
   const Hdf5Id id(H5Dopen2(handle_->file, dataset.c_str(), H5P_DEFAULT));
   return id.valid() ? text_attribute(id, name) : "";
+}
+
+std::optional<double> Hdf5File::number(const std::string& dataset, const std::string& name) const {
+  const Hdf5Id id(H5Dopen2(handle_->file, dataset.c_str(), H5P_DEFAULT));
+  if (!id.valid() || H5Aexists(id, name.c_str()) <= 0) return std::nullopt;
+  const Hdf5Id attribute(H5Aopen(id, name.c_str(), H5P_DEFAULT));
+  const Hdf5Id type(H5Aget_type(attribute));
+  const Hdf5Id space(H5Aget_space(attribute));
+  const H5T_class_t kind = H5Tget_class(type);
+  double value = 0;
+  if ((kind != H5T_INTEGER && kind != H5T_FLOAT) || H5Sget_simple_extent_npoints(space) != 1 ||
+      H5Aread(attribute, H5T_NATIVE_DOUBLE, &value) < 0)
+    return std::nullopt;
+  return value;
 }
 
 template <class T>

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,8 @@ class Hdf5File {
   std::string attribute(const std::string& name) const;
   /// A text attribute of a data set; empty if there is none.
   std::string attribute(const std::string& dataset, const std::string& name) const;
+  /// An attribute of a data set that is one number; no value if there is none.
+  std::optional<double> number(const std::string& dataset, const std::string& name) const;
   /// Length of a one-dimensional data set of numbers or records of numbers; [N,1], [1,N] and a
   /// scalar count as one-dimensional.
   /// @throws DataError otherwise, or if the file is too small for that many values, so that the
@@ -65,6 +68,8 @@ class Hdf5File {
                   T* out) const;
   /// Reads all values at `index` of the first axis of a data set of numbers, as bytes.
   void read_item(const std::string& name, int64_t index, uint8_t* out) const;
+  /// Reads all values of a data set of numbers of any shape, as bytes.
+  void read_bytes(const std::string& name, uint8_t* out) const;
   /// Reads values [begin, begin+count) along the other axis of a two-dimensional data set of
   /// numbers at `index` of `axis` (0 or 1).
   template <class T>

@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames beside the events in HDF5, such as davis/left/image_raw and image_raw_ts of MVSEC.
+// Frames beside the events in HDF5:
+//   MVSEC   davis/left/image_raw [N,H,W] and their times image_raw_ts
+//   Monash  images/image000000000 [H,W], [H,W,C] or [C,H,W] with the attributes timestamp, type and
+//           perhaps exposure_start and exposure_end, as event_utils, HQF, EFNet and HighREV have
+//           them
 #include <algorithm>
 #include <cstdio>
+#include <map>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -16,6 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr int64_t kLeastSide = 16;  // of a picture, in px
+
 /// 8-bit pictures and the list of their times.
 struct StoredFrames {
   std::string name, times;
@@ -28,7 +35,6 @@ std::string folder_of(const std::string& name) {
 
 /// Whether it is [N,H,W], or [N,H,W,C] of one or three channels, of at least 16x16 px.
 bool is_pictures(const io::Hdf5Dataset& dataset) {
-  constexpr int64_t kLeastSide = 16;
   const auto& shape = dataset.shape;
   if (!dataset.integer || dataset.item_size != 1 || shape.size() < 3 || shape.size() > 4)
     return false;
@@ -90,13 +96,106 @@ bool is_wanted(const ReadOptions& options, int64_t first_us, int64_t t_us) {
   return !options.window || inside(*options.window, t_us);
 }
 
+/// One picture per data set, by group.
+using PictureGroups = std::map<std::string, std::vector<io::Hdf5Dataset>>;
+
+/// [H,W], [H,W,C] or [C,H,W]: the axis of the channels, one or three; no value for other data.
+std::optional<size_t> channel_axis(const io::Hdf5Dataset& dataset) {
+  const auto& shape = dataset.shape;
+  if (!dataset.integer || dataset.item_size != 1 || shape.size() < 2 || shape.size() > 3)
+    return std::nullopt;
+  const auto sides = [&](size_t row, size_t column) {
+    return shape[row] >= kLeastSide && shape[column] >= kLeastSide;
+  };
+  if (shape.size() == 2) return sides(0, 1) ? std::optional<size_t>(2) : std::nullopt;
+  const auto is_channels = [&](size_t axis) { return shape[axis] == 1 || shape[axis] == 3; };
+  if (is_channels(2) && sides(0, 1)) return 2;
+  if (is_channels(0) && sides(1, 2)) return 0;
+  return std::nullopt;
+}
+
+PictureGroups find_single_pictures(const io::Hdf5File& file) {
+  PictureGroups out;
+  for (const auto& dataset : file.datasets()) {
+    if (channel_axis(dataset) && file.number(dataset.name, "timestamp"))
+      out[folder_of(dataset.name)].push_back(dataset);
+  }
+  return out;
+}
+
+/// [1,H,W] or [3,H,W] in [0,1], with colours as RGB.
+torch::Tensor read_single_picture(const io::Hdf5File& file, const io::Hdf5Dataset& dataset) {
+  torch::Tensor bytes = torch::empty(dataset.shape, torch::kUInt8);
+  file.read_bytes(dataset.name, bytes.data_ptr<uint8_t>());
+  if (bytes.dim() == 2) bytes = bytes.unsqueeze(0);
+  if (dataset.shape.size() == 3 && channel_axis(dataset) == size_t(2))
+    bytes = bytes.permute({2, 0, 1});
+  if (file.attribute(dataset.name, "type").find("bgr") != std::string::npos) bytes = bytes.flip(0);
+  return bytes.to(torch::kFloat32).div(255).contiguous();
+}
+
+/// Exposures from the attributes; those without have the length 0.
+std::vector<events::TimeWindow> picture_times(const io::Hdf5File& file,
+                                              const std::vector<io::Hdf5Dataset>& pictures,
+                                              events::TimeUnit unit) {
+  std::vector<double> starts, ends;
+  for (const auto& dataset : pictures) {
+    const auto start = file.number(dataset.name, "exposure_start");
+    const auto end = file.number(dataset.name, "exposure_end");
+    const double stamp = *file.number(dataset.name, "timestamp");
+    starts.push_back(start && end ? *start : stamp);
+    ends.push_back(start && end ? *end : stamp);
+  }
+  const auto from = torch::tensor(starts, torch::kFloat64),
+             to = torch::tensor(ends, torch::kFloat64);
+  const std::string where = concat(file.path().string(), ": times of its pictures");
+  if (unit == events::TimeUnit::kAuto)
+    unit = events::guess_exposure_unit(from, to, where, "give the unit");
+  const auto from_us = events::times_us(from, unit, where),
+             to_us = events::times_us(to, unit, where);
+  std::vector<events::TimeWindow> out;
+  for (size_t i = 0; i < from_us.size(); ++i) {
+    out.push_back({from_us[i], to_us[i]});
+    if (from_us[i] <= to_us[i]) continue;
+    throw DataError(concat(file.path().string(), ": ", pictures[i].name, " ends at ", to_us[i],
+                           " us, before its start at ", from_us[i], " us; swap the attributes"));
+  }
+  return out;
+}
+
+/// Adds pictures that are data sets of their own. Sharp ones beside them are not read.
+void add_single_pictures(const io::Hdf5File& file, const ReadOptions& options, Contents& contents) {
+  const PictureGroups groups = find_single_pictures(file);
+  if (groups.empty()) return;
+  const auto named = groups.find("images");
+  const auto& [group, pictures] = named == groups.end() ? *groups.begin() : *named;
+  for (const auto& [other, left] : groups) {
+    if (other == group) continue;
+    contents.recording.notes.push_back(concat(file.path().string(), ": frames are those of ", group,
+                                              "/; the ", left.size(), " pictures of ", other,
+                                              "/ are not read"));
+  }
+  contents.keep = std::make_shared<TemporaryFolder>();
+  const auto exposures = picture_times(file, pictures, options.time_unit);
+  int64_t first_us = exposures.front().begin_us;
+  for (const auto& exposure : exposures) first_us = std::min(first_us, exposure.begin_us);
+  for (size_t i = 0; i < pictures.size(); ++i) {
+    throw_if_interrupted();
+    if (!is_wanted(options, first_us, exposures[i].begin_us)) continue;
+    const fs::path picture =
+        contents.keep->path() / (fs::path(pictures[i].name).filename().string() + ".png");
+    imaging::write_image(picture, read_single_picture(file, pictures[i]));
+    contents.files.push_back({picture, exposures[i]});
+  }
+}
+
 }  // namespace
 
 void add_hdf5_frames(const fs::path& path, const ReadOptions& options, Contents& contents) {
   if (!options.frames.empty()) return;
   const io::Hdf5File file(path);
   const std::vector<StoredFrames> all = find_frames(file);
-  if (all.empty()) return;
+  if (all.empty()) return add_single_pictures(file, options, contents);
   const std::string stream = events::event_group_name(path, options.events_group);
   const auto near = [&](const StoredFrames& frames) {
     const std::string folder = folder_of(frames.name);
