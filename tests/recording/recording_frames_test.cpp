@@ -201,6 +201,16 @@ TEST_CASE("recording: a list without names has the times of the frames in their 
   CHECK(second_of("# number, time\n1 1.0\n2 1.1\n3 1.2\n") == time);
   CHECK(second_of("1000000,1050000\n1100000,1150000\n1200000,1250000\n") == exposure);
   CHECK(second_of("f1,1100000,1150000\nf0,1000000,1050000\nf2,1200000,1250000\n") == exposure);
+  // TUM and EuRoC name the frame behind its time; others before it, in any order.
+  CHECK(second_of("# time file\n1.0 images/f0.png\n1.1 images/f1.png\n1.2 images/f2.png\n") ==
+        time);
+  CHECK(second_of("#timestamp [ns],filename\n1000000000,f0.png\n1100000000,f1.png\r\n"
+                  "1200000000,f2.png\n") == time);
+  CHECK(second_of("name;time\nf2;1,2\nf1;1,1\nf0;1,0\n") == time);
+  CHECK_THROWS_WITH(second_of("1.0 f0.png\n1.1 f1.png\n"), test::naming("list.txt", "f2.png"));
+  CHECK_THROWS_WITH(second_of("1.0 f0.png\n1.1 f0.png\n"), test::naming("list.txt:2", "another"));
+  CHECK_THROWS_WITH(second_of("1.0 f0.png\nf1.png\n"),
+                    test::naming("list.txt:2", "time", "f1.png"));
   CHECK_THROWS_WITH(second_of("1.0\n1.1\n"), test::naming("list.txt", "2 lines", "3 frames"));
   CHECK_THROWS_WITH(second_of("1000000 1050000 f0.png\n"), test::naming("list.txt:1", "name"));
 

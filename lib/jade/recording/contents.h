@@ -144,6 +144,12 @@ bool add_frame_list(const std::filesystem::path& images, const ReadOptions& opti
 bool apply_numbers(const std::filesystem::path& path, const ReadOptions& options,
                    std::vector<FrameFile>& files, Recording& recording);
 
+/// Assigns the times of a list with one time and one name per line, in either order, as TUM's and
+/// EuRoC's lists have them; units as in add_frame_list(). False for other lists.
+/// @throws DataError naming a line of another kind, or a frame without one.
+bool apply_named_times(const std::filesystem::path& path, const ReadOptions& options,
+                       std::vector<FrameFile>& files, Recording& recording);
+
 /// From the first exposure to the last, by a clock that is ahead by the offset; no value: no file
 /// has a time.
 std::optional<events::TimeWindow> span_of(const std::vector<FrameFile>& files, int64_t ahead_us);

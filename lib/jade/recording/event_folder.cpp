@@ -48,8 +48,8 @@ fs::path events_in(const fs::path& folder) {
 }
 
 fs::path images_in(const fs::path& folder) {
-  for (const char* name :
-       {"images_1", "images", "images/left/rectified", "images/left/distorted", "left_images"}) {
+  for (const char* name : {"images_1", "images", "frames", "images/left/rectified",
+                           "images/left/distorted", "left_images"}) {
     if (fs::is_directory(folder / name) && !imaging::list_images(folder / name).empty())
       return folder / name;
   }

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <set>
 #include <sstream>
 #include <string>
 #include <torch/types.h>
@@ -93,6 +94,14 @@ fs::path find_list(const std::vector<fs::path>& folders, const std::vector<std::
   return {};
 }
 
+std::optional<double> number_in(const std::string& word) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(value))
+    return std::nullopt;
+  return value;
+}
+
 /// The numbers of a line, separated by blanks, semicolons or tabs, else by commas. No value for
 /// other text, but for a file name after two numbers or more.
 std::optional<Row> numbers_of(std::string line) {
@@ -103,16 +112,42 @@ std::optional<Row> numbers_of(std::string line) {
   Row row;
   std::istringstream words(line);
   for (std::string word; words >> word;) {
-    word = io::with_point(word);
-    double value = 0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(value)) {
+    const std::optional<double> value = number_in(io::with_point(word));
+    if (!value) {
       if (row.size() < 2) return std::nullopt;
       break;
     }
-    row.push_back(value);
+    row.push_back(*value);
   }
   return row;
+}
+
+/// The time and the name of a line with one number, before or behind a name. No value for others.
+struct NamedTime {
+  std::string name;
+  double time = 0;
+};
+
+std::optional<NamedTime> named_time_of(const std::string& line) {
+  const bool is_parted = line.find_first_of(";\t") != std::string::npos;
+  const std::string separators = is_parted ? " \t\r;\"" : " \t\r;\",";
+  std::vector<std::string> words;
+  std::vector<size_t> begins;
+  for (size_t begin = line.find_first_not_of(separators); begin != std::string::npos;) {
+    const size_t end = std::min(line.find_first_of(separators, begin), line.size());
+    words.push_back(io::with_point(line.substr(begin, end - begin)));
+    begins.push_back(begin);
+    begin = line.find_first_not_of(separators, end);
+  }
+  const auto is_number = [](const std::string& word) { return number_in(word).has_value(); };
+  if (words.size() < 2 || std::count_if(words.begin(), words.end(), is_number) != 1)
+    return std::nullopt;
+  const bool is_first = is_number(words.front());
+  if (!is_first && !is_number(words.back())) return std::nullopt;
+  const std::string name =
+      is_first ? line.substr(begins[1]) : line.substr(begins[0], begins.back() - begins[0]);
+  return NamedTime{name.substr(0, name.find_last_not_of(separators) + 1),
+                   *number_in(is_first ? words.front() : words.back())};
 }
 
 /// @param least,most  numbers per line
@@ -291,6 +326,11 @@ size_t time_column(const NumberList& list) {
                          " for the first; write one number per line, with a decimal point"));
 }
 
+void note_single_times(const fs::path& list, Recording& recording) {
+  recording.notes.push_back(concat(list.string(), ": has one time per frame; it is taken as the ",
+                                   word_of(recording.stamp), " of the exposure"));
+}
+
 }  // namespace
 
 bool apply_numbers(const fs::path& path, const ReadOptions& options, std::vector<FrameFile>& files,
@@ -305,9 +345,40 @@ bool apply_numbers(const fs::path& path, const ReadOptions& options, std::vector
   const std::vector<int64_t> at = column_us(rows_of(list, files, recording.notes), single ? 0 : 1,
                                             options.time_unit, path, recording.notes);
   for (size_t i = 0; i < files.size(); ++i) files[i].time = events::TimeWindow{at[i], at[i]};
-  recording.notes.push_back(concat(path.string(), ": has one time per frame; it is taken as the ",
-                                   word_of(recording.stamp), " of the exposure"));
+  note_single_times(path, recording);
   check_apart(path, files, recording);
+  return true;
+}
+
+bool apply_named_times(const fs::path& path, const ReadOptions& options,
+                       std::vector<FrameFile>& files, Recording& recording) {
+  std::istringstream text(io::read_text(path));
+  std::vector<NamedExposure> named;
+  std::vector<Row> times;
+  std::set<std::string> names;
+  int64_t number = 0;
+  for (std::string line; std::getline(text, line);) {
+    ++number;
+    const auto first = line.find_first_not_of(" \t\r");
+    if (first == std::string::npos || line[first] == '#') continue;
+    const auto found = named_time_of(line);
+    if (!found && named.empty()) {
+      if (number > 1) return false;
+      continue;  // a header
+    }
+    if (!found || !names.insert(found->name).second) {
+      throw DataError(concat(path.string(), ":", number, ": expected one time and the name of ",
+                             found ? "another frame" : "a frame", ", found '", line.substr(0, 60),
+                             "'; correct the line"));
+    }
+    named.push_back({found->name, 0, 0});
+    times.push_back({found->time});
+  }
+  if (named.empty()) return false;
+  const auto at = column_us(times, 0, options.time_unit, path, recording.notes);
+  for (size_t i = 0; i < named.size(); ++i) named[i].start_us = named[i].end_us = at[i];
+  note_single_times(path, recording);
+  apply_exposures(path, named, files, recording);
   return true;
 }
 
@@ -322,7 +393,7 @@ bool add_frame_list(const fs::path& images, const ReadOptions& options,
   const NumberList stamps =
       read_list(find_list(folders,
                           {"image_timestamps_" + side + ".txt", "images_timestamps.txt",
-                           "image_timestamps.txt", "timestamps.txt"},
+                           "image_timestamps.txt", "timestamps.txt", "frames.csv"},
                           "_image_timestamps.txt"),
                 1, 2);
   const NumberList& source = stamps.rows.empty() ? dso : stamps;

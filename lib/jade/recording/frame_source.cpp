@@ -328,7 +328,8 @@ void complete_exposures(const ReadOptions& options, Contents& contents) {
   auto& files = contents.files;
   recording.stamp = options.stamp.value_or(recording.stamp);
   if (!options.frame_times.empty() &&
-      !apply_numbers(options.frame_times, options, files, recording)) {
+      !apply_numbers(options.frame_times, options, files, recording) &&
+      !apply_named_times(options.frame_times, options, files, recording)) {
     apply_exposures(options.frame_times, read_exposures(options.frame_times), files, recording);
   }
   apply_triggers(options, contents);

@@ -33,9 +33,11 @@ bool stays_inside(const fs::path& name) {
 /// Images of a folder without images.txt; another list must contain their times.
 std::vector<FrameFile> unlisted_images(const fs::path& folder) {
   std::vector<FrameFile> out;
-  const fs::path images = folder / "images";
-  for (const fs::path& path : imaging::list_images(fs::is_directory(images) ? images : folder))
-    out.push_back({path, std::nullopt});
+  fs::path images = folder;
+  for (const char* name : {"frames", "images"}) {
+    if (fs::is_directory(folder / name)) images = folder / name;
+  }
+  for (const fs::path& path : imaging::list_images(images)) out.push_back({path, std::nullopt});
   return out;
 }
 
