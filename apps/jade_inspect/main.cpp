@@ -77,7 +77,8 @@ void check_is_dataset(const data::DatasetOptions& options) {
     throw DataError(concat(options.path.string(),
                            ": expected a recording (events, or frames that have times), a data set "
                            "(poses_bounds.npy, sparse/0 or transforms.json) or a run directory, "
-                           "found none of them"));
+                           "found none of them",
+                           data::other_finding(options.path)));
   }
 }
 

@@ -287,6 +287,48 @@ TEST_CASE("colmap scene: two names of one file are refused with both", "[data]")
   CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(room)), "cam0/000.png", "cam1/000.png");
 }
 
+TEST_CASE("colmap scene: an image listed twice is named", "[data]") {
+  const test::TempDir folder;
+  write_colmap_scene(folder / "room", kCamera);
+  const io::ColmapModel model = io::read_colmap(folder / "room/sparse/0");
+  std::vector<io::ColmapImage> images = model.images;
+  images.push_back(images.front());
+  images.back().id = 99;
+  test::save_model(folder / "room/sparse/0", test::binary_model(kCamera, images, {0, 0, 4}));
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder / "room")), "one entry", "img_0");
+}
+
+TEST_CASE("colmap scene: a principal point far from the middle is one warning", "[data]") {
+  const test::TempDir folder;
+  const auto warnings_at = [&](double cx, double cy) {
+    write_colmap_scene(folder / "room",
+                       {1, "PINHOLE", test::kWidth, test::kHeight, {25, 25, cx, cy}});
+    std::vector<std::string> warnings;
+    load_dataset(dataset_at(folder / "room"), &warnings);
+    return warnings;
+  };
+  CHECK(warnings_at(0.4 * test::kWidth, 0.6 * test::kHeight).empty());
+  const auto corner = warnings_at(0, 0);
+  REQUIRE(corner.size() == 1);
+  CHECK_THAT(corner[0], test::naming("(0, 0)", "8 of 8 frames", "cropped"));
+  CHECK(warnings_at(0.25 * test::kWidth, 0.5 * test::kHeight).size() == 1);
+}
+
+TEST_CASE("colmap scene: a folder above the data set, and foreign cameras, are told", "[data]") {
+  const test::TempDir folder;
+  write_colmap_scene(folder / "dense/0", kCamera);
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder.path())), "not a known kind",
+                      "dense/0 is one");
+  const fs::path photos = folder / "photos";
+  imaging::write_image(photos / "images/a.png", test::noise_image(0));
+  write_file(photos / "cameras.xml", "<document/>");
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(photos)), "cameras.xml", "COLMAP");
+  write_colmap_scene(folder / "room", kCamera);
+  fs::rename(folder / "room/images", folder / "room/input");
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder / "room")),
+                      "dataset.image_folder=input", "10 images");
+}
+
 TEST_CASE("colmap scene: a text model that differs from the binary one is reported", "[data]") {
   const test::TempDir folder;
   const fs::path room = folder / "room";

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <torch/types.h>
 
@@ -171,22 +172,82 @@ std::optional<bool> is_seen(const Dataset& dataset, const SharpView& view) {
   return moving ? std::nullopt : std::optional<bool>(false);
 }
 
-DatasetKind recognise_dataset(const fs::path& folder) {
-  check_folder(folder);
+namespace {
+
+std::optional<DatasetKind> found_kind(const fs::path& folder) {
   if (is_evdeblur(folder)) return DatasetKind::kEvDeblur;
   if (is_transforms(folder)) return DatasetKind::kTransforms;
   if (is_diet_gs(folder)) return DatasetKind::kDietGs;
   if (!find_colmap_model(folder).empty()) return DatasetKind::kColmap;
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string other_finding(const fs::path& folder) {
+  constexpr int kDepth = 2;
+  std::set<fs::path> below;
+  std::error_code error;
+  for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
+    const std::string name = entry->path().filename().string();
+    if (entry.depth() + 1 == kDepth || name[0] == '.') entry.disable_recursion_pending();
+    if (name[0] != '.' && entry->is_directory(ignored) && found_kind(entry->path()))
+      below.insert(entry->path());
+  }
+  if (!below.empty()) {
+    return concat("; ", below.begin()->string(), " is one",
+                  below.size() == 1 ? "" : concat(", like ", below.size() - 1, " more folders"),
+                  ": give that folder");
+  }
+  for (const char* foreign : {"cameras.xml", "bundle.out", "bundle.rd.out", "model.nvm",
+                              "scene.mvs", "reconstruction.json"}) {
+    if (fs::is_regular_file(folder / foreign)) {
+      return concat("; ", foreign, " is not read: export the cameras from its program for COLMAP");
+    }
+  }
+  return "";
+}
+
+DatasetKind recognise_dataset(const fs::path& folder) {
+  check_folder(folder);
+  if (const auto kind = found_kind(folder)) return *kind;
   throw DataError(concat(folder.string(),
                          ": is not a known kind of data set; expected poses_bounds.npy "
-                         "(EvDeblur), sparse/0 (COLMAP, DiET-GS) or "
-                         "transforms.json in it"));
+                         "(EvDeblur), sparse/0 (COLMAP, DiET-GS) or transforms.json in it",
+                         other_finding(folder)));
 }
 
 DatasetKind kind_of(const DatasetOptions& options) {
   check_folder(options.path);
   return options.kind == DatasetKind::kAuto ? recognise_dataset(options.path) : options.kind;
 }
+
+namespace {
+
+/// Warns of principal points far from the middle of the image: the camera is of images of another
+/// size, or they were cropped.
+void tell_off_centre(const fs::path& path, const Dataset& data, const Warnings& warnings) {
+  constexpr double kMost = 0.2;  // of the side
+  const auto is_off = [](double place, int64_t size) {
+    return std::abs(place - 0.5 * double(size)) > kMost * double(size);
+  };
+  const geometry::Intrinsics* first = nullptr;
+  size_t count = 0;
+  for (const Exposure& exposure : data.train) {
+    const geometry::Intrinsics& camera = exposure.camera;
+    if (!is_off(camera.cx, camera.width) && !is_off(camera.cy, camera.height)) continue;
+    if (count++ == 0) first = &camera;
+  }
+  if (count == 0) return;
+  warnings.add(path.string(), ": expected principal points near the middle of the images, found (",
+               first->cx, ", ", first->cy, ") px in ", first->width, "x", first->height, " px for ",
+               count, " of ", data.train.size(), " frames; if the images are not cropped, correct ",
+               "the principal point or give the image size that was calibrated");
+}
+
+}  // namespace
 
 Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings) {
   const DatasetKind kind = kind_of(options);
@@ -202,6 +263,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   tell_origin(data);
   mark_strays(data, sink);
   tell_still_cameras(data, sink);
+  tell_off_centre(options.path, data, sink);
   check_points(sink, data);
   apply_masks(data);
   tell_hot_pixel(data, sink);

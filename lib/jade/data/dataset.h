@@ -87,6 +87,10 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
 /// @throws DataError if the folder is missing or has no known layout.
 DatasetKind recognise_dataset(const std::filesystem::path& folder);
 
+/// For messages about a folder of no known layout: a data set below it, or a file with cameras that
+/// is not read, and what to do; empty if there are neither.
+std::string other_finding(const std::filesystem::path& folder);
+
 /// The kind that the options name, else the kind recognised from their folder. Call it first, so
 /// that a wrong path is reported before other work starts.
 /// @throws as recognise_dataset; ConfigError without a path.

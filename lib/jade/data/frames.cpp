@@ -8,6 +8,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -40,6 +41,26 @@ std::vector<fs::path> list_images_within(const fs::path& folder) {
   return images;
 }
 
+namespace {
+
+/// For messages: the first folder with images under another name; empty if there is none.
+std::string other_images(const fs::path& root) {
+  std::set<fs::path> folders;
+  std::error_code error;
+  for (fs::directory_iterator entry(root, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
+    if (entry->is_directory(ignored)) folders.insert(entry->path());
+  }
+  for (const fs::path& folder : folders) {
+    const size_t count = imaging::list_images(folder).size();
+    if (count > 0) return concat("=", folder.filename().string(), ", which has ", count, " images");
+  }
+  return "";
+}
+
+}  // namespace
+
 fs::path find_image_folder(const fs::path& root, const std::string& wanted, ImageDepth depth) {
   if (!wanted.empty()) {
     if (fs::is_directory(root / wanted)) return root / wanted;
@@ -70,7 +91,8 @@ fs::path find_image_folder(const fs::path& root, const std::string& wanted, Imag
     if (unread.empty()) unread = imaging::unread_images(folder);
   }
   throw DataError(concat(root.string(), ": expected frames in images_1/ or images/, found none",
-                         unread, unread.empty() ? "; set" : ", or set", " dataset.image_folder"));
+                         unread, unread.empty() ? "; set" : ", or set", " dataset.image_folder",
+                         other_images(root)));
 }
 
 double folder_scale(const fs::path& image_folder) {
