@@ -204,7 +204,7 @@ TEST_CASE("learned cameras: a run keeps them, and scores, pictures and other pro
   const LearnedRun scene;
   run::Trainer trainer(scene.options, scene.run, "");
   trainer.run();
-  const auto file = scene.run / run::kLearnedCamerasFile;
+  const auto file = scene.run / run::kCamerasFile;
   REQUIRE(std::filesystem::exists(file));
 
   const data::Dataset given = data::load_dataset(scene.options.dataset);
@@ -234,7 +234,7 @@ TEST_CASE("learned cameras: the file is in the coordinates of the data set", "[r
   dataset.origin = {471234, 5431987, 312};
   const data::Dataset given = dataset;
   const auto file = scene.dir / "cameras.json";
-  run::write_learned_cameras(file, dataset);
+  run::write_cameras(file, dataset);
   const auto centre = geometry::centre(data::read_cameras(file).at(0).camera_from_world);
   const auto want = geometry::centre(dataset.test.at(0).pose);
   CHECK(centre[1] == Approx(want[1] + 5431987).epsilon(1e-12));
@@ -249,7 +249,7 @@ TEST_CASE("learned cameras: a file of another split is refused, with what to set
   const LearnedRun scene;
   data::Dataset dataset = data::load_dataset(scene.options.dataset);
   const auto file = scene.dir / "cameras.json";
-  run::write_learned_cameras(file, dataset);
+  run::write_cameras(file, dataset);
   dataset.held_out.push_back(dataset.train.front());
   dataset.train.erase(dataset.train.begin());
   CHECK_THROWS_NAMING(DataError, run::read_learned_cameras(file, dataset),
@@ -261,7 +261,7 @@ TEST_CASE("learned cameras: before a run's end other programs have those of its 
   const LearnedRun scene;
   run::Trainer trainer(scene.options, scene.run, "");
   trainer.run();
-  for (const char* made : {"point_cloud.ply", "eval.json", run::kLearnedCamerasFile}) {
+  for (const char* made : {"point_cloud.ply", "eval.json", run::kCamerasFile}) {
     std::filesystem::remove(scene.run / made);
   }
   write_file(scene.run / "eval.json", "{}");  // as jade_eval leaves it
@@ -288,7 +288,7 @@ TEST_CASE("learned cameras: before a run's end other programs have those of its 
 
 TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on", "[run]") {
   const LearnedRun scene;
-  const auto file = scene.run / run::kLearnedCamerasFile;
+  const auto file = scene.run / run::kCamerasFile;
   run::Trainer(scene.options, scene.run, "").run();
   CHECK(std::filesystem::exists(file));
   train::RunOptions longer = scene.options;
@@ -299,8 +299,7 @@ TEST_CASE("learned cameras: those of an earlier end are gone while a run goes on
     CHECK_THROWS_AS(going.run(), Interrupted);
     set_interrupt_requested(false);
   }
-  for (const char* made :
-       {"point_cloud.ply", "eval.json", "report.html", run::kLearnedCamerasFile}) {
+  for (const char* made : {"point_cloud.ply", "eval.json", "report.html", run::kCamerasFile}) {
     CHECK_FALSE(std::filesystem::exists(scene.run / made));
   }
   run::Trainer(longer, scene.run, "latest").run();
@@ -323,12 +322,13 @@ TEST_CASE(
     "[run]") {
   const LearnedRun scene;
   const data::Dataset given = data::load_dataset(scene.options.dataset);
+  std::filesystem::create_directories(scene.run);
+  write_file(scene.run / "config.yaml", "poses: {optimize: linear}\n");
   const data::Dataset dataset = run::load_run_dataset(scene.run, scene.options);
   CHECK(dataset.test[0].pose.translation == given.test[0].pose.translation);
 
-  std::filesystem::create_directories(scene.run);
-  const auto file = scene.run / run::kLearnedCamerasFile;
-  run::write_learned_cameras(file, given);
+  const auto file = scene.run / run::kCamerasFile;
+  run::write_cameras(file, given);
   const data::Dataset same = run::load_run_dataset(scene.run, scene.options);
   CHECK(same.train[2].poses[8].translation == given.train[2].poses[8].translation);
 

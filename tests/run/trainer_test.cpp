@@ -15,6 +15,8 @@
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/random.h"
+#include "jade/data/cameras.h"
+#include "jade/data/dataset.h"
 #include "jade/run/checkpoint.h"
 #include "run/checkpoint_entries.h"
 #include "support/naming.h"
@@ -165,11 +167,18 @@ TEST_CASE("trainer: a run leaves the documented files", "[run]") {
   const auto run = scene.dir.path() / "run";
   run::Trainer(tiny_options(scene), run, "").run();
   for (const char* name :
-       {"config.yaml", "env.json", "train.log", "metrics.jsonl", "point_cloud.ply", "eval.json",
-        "report.html", "images/test_03.png", "images/truth_03.png"}) {
+       {"config.yaml", "env.json", "train.log", "metrics.jsonl", "point_cloud.ply", "cameras.json",
+        "eval.json", "report.html", "images/test_03.png", "images/truth_03.png"}) {
     INFO(name);
     CHECK(std::filesystem::exists(run / name));
   }
+  // Poses that are not learned are those of the data.
+  const auto cameras = data::read_cameras(run / "cameras.json");
+  const data::Dataset dataset = data::load_dataset(tiny_options(scene).dataset, nullptr);
+  REQUIRE(cameras.size() == dataset.test.size() + 9 * dataset.train.size());
+  CHECK(cameras[0].camera_from_world.translation == dataset.test[0].pose.translation);
+  CHECK(cameras.back().camera_from_world.translation ==
+        dataset.train.back().poses.back().translation);
   std::ifstream metrics(run / "metrics.jsonl");
   int lines = 0;
   for (std::string line; std::getline(metrics, line); ++lines) {

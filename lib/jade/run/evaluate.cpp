@@ -172,13 +172,14 @@ PosedData load_posed(const fs::path& run, const train::RunOptions& options) {
     const std::string other = data::mark_seen(trained, dataset);
     if (!other.empty()) log_warn(other);
   }
-  if (fs::exists(run / kLearnedCamerasFile)) {
-    read_learned_cameras(run / kLearnedCamerasFile, dataset);
+  // Settings laid over the run's say nothing about how it was trained.
+  if (written_options(run).poses.optimize == train::PosePath::kNone) return {dataset, {}};
+  if (fs::exists(run / kCamerasFile)) {
+    read_learned_cameras(run / kCamerasFile, dataset);
     return {dataset, {}};
   }
-  if (options.poses.optimize == train::PosePath::kNone) return {dataset, {}};
   if (fs::exists(run / kSceneFile)) {
-    throw DataError(concat((run / kLearnedCamerasFile).string(),
+    throw DataError(concat((run / kCamerasFile).string(),
                            ": expected the cameras that this run has learned, found no file; "
                            "jade_train --resume writes it"));
   }

@@ -268,7 +268,7 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
   return learned;
 }
 
-void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset) {
+void write_cameras(const std::filesystem::path& path, const data::Dataset& dataset) {
   std::vector<data::NamedCamera> cameras = all_cameras(dataset);
   const geometry::Vector3& o = dataset.origin;
   for (data::NamedCamera& camera : cameras) {

@@ -44,10 +44,9 @@ data::Dataset with_learned_poses(const data::Dataset& dataset, const train::Expo
                                  const splat::Gaussians& gaussians, const PoseFit& fit,
                                  const splat::RenderOptions& render);
 
-/// Writes kLearnedCamerasFile of a run directory: the test views by name and the nine poses of each
-/// exposure, in the format of data::read_cameras(),
-/// in the coordinates of the data set.
-void write_learned_cameras(const std::filesystem::path& path, const data::Dataset& dataset);
+/// Writes kCamerasFile of a run directory: the test views by name and the nine poses of each
+/// exposure, in the format of data::read_cameras() and the coordinates of the data set.
+void write_cameras(const std::filesystem::path& path, const data::Dataset& dataset);
 
 /// Replaces the poses of the data set by those of such a file.
 /// @throws DataError naming the file and the first view that does not match the data set.

@@ -29,7 +29,7 @@ bool RunDirectory::holds_results() const {
 }
 
 void RunDirectory::remove_results() const {
-  for (const char* left : {kSceneFile, kLearnedCamerasFile, kScoresFile, kReportFile}) {
+  for (const char* left : {kSceneFile, kCamerasFile, kScoresFile, kReportFile}) {
     fs::remove(path_ / left);
   }
 }

@@ -11,7 +11,7 @@ namespace jade::run {
 /// Files that the end of a run writes: the scene, which marks the end, its learned cameras, scores
 /// and report.
 constexpr char kSceneFile[] = "point_cloud.ply";
-constexpr char kLearnedCamerasFile[] = "cameras.json";
+constexpr char kCamerasFile[] = "cameras.json";
 constexpr char kScoresFile[] = "eval.json";
 constexpr char kReportFile[] = "report.html";
 

@@ -248,10 +248,8 @@ void Trainer::finish() {
   save();
   times_.end("checkpoint");
   const data::Dataset posed = posed_dataset();
-  if (state_.poses) {
-    if (interrupt_requested()) stop();  // discard half-fitted poses
-    write_learned_cameras(directory_.path() / kLearnedCamerasFile, posed);
-  }
+  if (state_.poses && interrupt_requested()) stop();  // discard half-fitted poses
+  write_cameras(directory_.path() / kCamerasFile, posed);
   // Written after its cameras, because its existence marks the end of the run.
   gaussians::write_ply(directory_.path() / kSceneFile,
                        {state_.gaussians.detached(), false, data_.dataset.origin});

@@ -37,13 +37,13 @@ class Run:
 
     path: Path
     gaussians: Gaussians
-    cameras: list[Camera]  # learned poses; empty if poses were not learned
+    cameras: list[Camera]  # test views, then the moments of each exposure; empty for runs without cameras.json
     scores: dict[str, Any]  # eval.json; empty without test views
     metrics: dict[str, np.ndarray]  # one column per key of metrics.jsonl; NaN if a line lacks it
 
 
 def load_run(folder: PathLike, device: torch.device | str = "cpu") -> Run:
-    """Reads a run directory: its scene, learned cameras, scores and curves.
+    """Reads a run directory: its scene, cameras, scores and curves.
 
     Raises FileNotFoundError or ValueError naming the file.
     """
