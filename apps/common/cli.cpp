@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <climits>
 #include <cstdio>
+#include <cstdlib>
 #include <new>
 #include <unistd.h>
 #include <utility>
@@ -197,6 +198,9 @@ std::filesystem::path settings_file(const std::filesystem::path& file) {
 
 Program::Program(const std::string& name, const std::string& description)
     : name_(name), cli_(description, name) {
+  // 1 MiB instead of 32 MiB per stream on Hopper, for the same speed
+  // (docs/engineering/performance.md); cuBLAS reads it at its first use.
+  setenv("CUBLAS_WORKSPACE_CONFIG", ":1024:1", /*overwrite=*/0);
   cli_.formatter(help_);
   begin_group("Common");
   cli_.set_help_flag("-h,--help", "Print this help and exit")->group("Common");
