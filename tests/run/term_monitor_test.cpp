@@ -6,6 +6,7 @@
 #include <limits>
 #include <torch/types.h>
 
+#include "jade/core/error.h"
 #include "support/naming.h"
 
 using namespace jade;
