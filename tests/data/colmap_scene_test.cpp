@@ -295,7 +295,8 @@ TEST_CASE("colmap scene: an image listed twice is named", "[data]") {
   images.push_back(images.front());
   images.back().id = 99;
   test::save_model(folder / "room/sparse/0", test::binary_model(kCamera, images, {0, 0, 4}));
-  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder / "room")), "one entry", "img_0");
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder / "room")), "img_0", "one entry",
+                      "found two");
 }
 
 TEST_CASE("colmap scene: a principal point far from the middle is one warning", "[data]") {

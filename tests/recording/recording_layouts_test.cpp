@@ -364,7 +364,8 @@ TEST_CASE("layouts: pictures of event_utils and EFNet come with their times", "[
     const hid_t space = H5Screate_simple(int(shape.size()), shape.data(), nullptr);
     const hid_t data =
         H5Dcreate2(file, name.c_str(), H5T_NATIVE_UINT8, space, links, H5P_DEFAULT, H5P_DEFAULT);
-    H5Dwrite(data, H5T_NATIVE_UINT8, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data());
+    if (!bytes.empty())
+      H5Dwrite(data, H5T_NATIVE_UINT8, H5S_ALL, H5S_ALL, H5P_DEFAULT, bytes.data());
     const hid_t one = H5Screate(H5S_SCALAR);
     const auto put = [&](const char* key, double value) {
       const hid_t attribute =
@@ -408,6 +409,11 @@ TEST_CASE("layouts: pictures of event_utils and EFNet come with their times", "[
   CHECK(single.frames[1].t_end_us == 1020000);
   CHECK(single.frames[1].image[0][5][5].item<float>() == Approx(0.4).margin(1e-4));
   CHECK((single.width == 64 && single.height == 48));
+
+  // A size that the file cannot hold is not allocated.
+  write("images/image000000002", {1 << 20, 1 << 20, 3}, {}, "color_bgr", 1.03, false);
+  CHECK_THAT(failure_of([&] { read_recording(dir / "monash.h5"); }),
+             test::naming("monash.h5", "image000000002", "claims"));
 }
 
 namespace {

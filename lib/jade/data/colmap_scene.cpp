@@ -163,8 +163,8 @@ void check_own_files(const std::vector<fs::path>& paths,
     const auto [at, added] = known.emplace(paths[i].lexically_normal(), images[i]->name);
     if (added) continue;
     if (at->second == images[i]->name) {
-      throw DataError(concat("the COLMAP model: expected one entry per image, found two of ",
-                             at->second, "; remove one, or run COLMAP again"));
+      throw DataError(concat(paths[i].string(), ": expected one entry of this image in the COLMAP ",
+                             "model, found two; remove one, or run COLMAP again"));
     }
     throw DataError(concat(paths[i].string(), ": expected a file for each image of the model, ",
                            "found one for ", at->second, " and ", images[i]->name,

@@ -139,6 +139,35 @@ bool same_place(const geometry::Pose& a, const geometry::Pose& b, double near) {
          std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]) <= 1e-3 * near;
 }
 
+std::optional<DatasetKind> found_kind(const fs::path& folder) {
+  if (is_evdeblur(folder)) return DatasetKind::kEvDeblur;
+  if (is_transforms(folder)) return DatasetKind::kTransforms;
+  if (is_diet_gs(folder)) return DatasetKind::kDietGs;
+  if (!find_colmap_model(folder).empty()) return DatasetKind::kColmap;
+  return std::nullopt;
+}
+
+/// Warns of principal points far from the middle of the image: the camera is of images of another
+/// size, or they were cropped.
+void tell_off_centre(const fs::path& path, const Dataset& data, const Warnings& warnings) {
+  constexpr double kMost = 0.2;  // of the side
+  const auto is_off = [](double place, int64_t size) {
+    return std::abs(place - 0.5 * double(size)) > kMost * double(size);
+  };
+  const geometry::Intrinsics* first = nullptr;
+  size_t count = 0;
+  for (const Exposure& exposure : data.train) {
+    const geometry::Intrinsics& camera = exposure.camera;
+    if (!is_off(camera.cx, camera.width) && !is_off(camera.cy, camera.height)) continue;
+    if (count++ == 0) first = &camera;
+  }
+  if (count == 0) return;
+  warnings.add(path.string(), ": expected principal points near the middle of the images, found (",
+               first->cx, ", ", first->cy, ") px in ", first->width, "x", first->height, " px for ",
+               count, " of ", data.train.size(), " frames; if the images are not cropped, correct ",
+               "the principal point or give the image size that was calibrated");
+}
+
 }  // namespace
 
 int64_t exposure_of(const Dataset& dataset, const SharpView& view) {
@@ -171,18 +200,6 @@ std::optional<bool> is_seen(const Dataset& dataset, const SharpView& view) {
       any_exposure([](const Exposure& exposure) { return exposure.duration_us() > 0; });
   return moving ? std::nullopt : std::optional<bool>(false);
 }
-
-namespace {
-
-std::optional<DatasetKind> found_kind(const fs::path& folder) {
-  if (is_evdeblur(folder)) return DatasetKind::kEvDeblur;
-  if (is_transforms(folder)) return DatasetKind::kTransforms;
-  if (is_diet_gs(folder)) return DatasetKind::kDietGs;
-  if (!find_colmap_model(folder).empty()) return DatasetKind::kColmap;
-  return std::nullopt;
-}
-
-}  // namespace
 
 std::string other_finding(const fs::path& folder) {
   constexpr int kDepth = 2;
@@ -223,31 +240,6 @@ DatasetKind kind_of(const DatasetOptions& options) {
   check_folder(options.path);
   return options.kind == DatasetKind::kAuto ? recognise_dataset(options.path) : options.kind;
 }
-
-namespace {
-
-/// Warns of principal points far from the middle of the image: the camera is of images of another
-/// size, or they were cropped.
-void tell_off_centre(const fs::path& path, const Dataset& data, const Warnings& warnings) {
-  constexpr double kMost = 0.2;  // of the side
-  const auto is_off = [](double place, int64_t size) {
-    return std::abs(place - 0.5 * double(size)) > kMost * double(size);
-  };
-  const geometry::Intrinsics* first = nullptr;
-  size_t count = 0;
-  for (const Exposure& exposure : data.train) {
-    const geometry::Intrinsics& camera = exposure.camera;
-    if (!is_off(camera.cx, camera.width) && !is_off(camera.cy, camera.height)) continue;
-    if (count++ == 0) first = &camera;
-  }
-  if (count == 0) return;
-  warnings.add(path.string(), ": expected principal points near the middle of the images, found (",
-               first->cx, ", ", first->cy, ") px in ", first->width, "x", first->height, " px for ",
-               count, " of ", data.train.size(), " frames; if the images are not cropped, correct ",
-               "the principal point or give the image size that was calibrated");
-}
-
-}  // namespace
 
 Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* warnings) {
   const DatasetKind kind = kind_of(options);

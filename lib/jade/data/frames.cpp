@@ -23,25 +23,15 @@ namespace jade::data {
 
 namespace fs = std::filesystem;
 
-std::vector<fs::path> list_images_within(const fs::path& folder) {
-  std::vector<fs::path> images = imaging::list_images(folder), folders;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    const std::string name = entry.path().filename().string();
-    const auto starts_with = [&](const char* front) { return name.rfind(front, 0) == 0; };
-    const bool other = starts_with(".") || starts_with("mask") || starts_with("depth") ||
-                       starts_with("normal") || starts_with("semantic");
-    std::error_code ignored;  // of links that lead nowhere
-    if (!other && entry.is_directory(ignored)) folders.push_back(entry.path());
-  }
-  std::sort(folders.begin(), folders.end());
-  for (const fs::path& inner : folders) {
-    const std::vector<fs::path> more = list_images_within(inner);
-    images.insert(images.end(), more.begin(), more.end());
-  }
-  return images;
-}
-
 namespace {
+
+/// Whether a folder's name says that its images are no frames.
+bool is_of_other_images(const fs::path& folder) {
+  const std::string name = folder.filename().string();
+  const auto starts_with = [&](const char* front) { return name.rfind(front, 0) == 0; };
+  return starts_with(".") || starts_with("mask") || starts_with("depth") || starts_with("normal") ||
+         starts_with("semantic");
+}
 
 /// For messages: the first folder with images under another name; empty if there is none.
 std::string other_images(const fs::path& root) {
@@ -50,7 +40,8 @@ std::string other_images(const fs::path& root) {
   for (fs::directory_iterator entry(root, error), end; !error && entry != end;
        entry.increment(error)) {
     std::error_code ignored;
-    if (entry->is_directory(ignored)) folders.insert(entry->path());
+    if (!is_of_other_images(entry->path()) && entry->is_directory(ignored))
+      folders.insert(entry->path());
   }
   for (const fs::path& folder : folders) {
     const size_t count = imaging::list_images(folder).size();
@@ -60,6 +51,21 @@ std::string other_images(const fs::path& root) {
 }
 
 }  // namespace
+
+std::vector<fs::path> list_images_within(const fs::path& folder) {
+  std::vector<fs::path> images = imaging::list_images(folder), folders;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    std::error_code ignored;  // of links that lead nowhere
+    if (!is_of_other_images(entry.path()) && entry.is_directory(ignored))
+      folders.push_back(entry.path());
+  }
+  std::sort(folders.begin(), folders.end());
+  for (const fs::path& inner : folders) {
+    const std::vector<fs::path> more = list_images_within(inner);
+    images.insert(images.end(), more.begin(), more.end());
+  }
+  return images;
+}
 
 fs::path find_image_folder(const fs::path& root, const std::string& wanted, ImageDepth depth) {
   if (!wanted.empty()) {

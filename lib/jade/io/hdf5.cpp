@@ -253,15 +253,19 @@ void Hdf5File::read_item(const std::string& name, int64_t index, uint8_t* out) c
   read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, H5T_NATIVE_UINT8, out);
 }
 
-void Hdf5File::read_bytes(const std::string& name, uint8_t* out) const {
+std::vector<uint8_t> Hdf5File::read_bytes(const std::string& name) const {
   const Hdf5Dataset& info = dataset(name);
   if (!is_numeric(info))
     throw ContractError(concat(path_.string(), ": bytes of '", name, "' asked"));
   int64_t count = 1;
-  for (const int64_t side : info.shape) count *= side;
+  for (const int64_t side : info.shape)
+    count = count < 0 || (side > 0 && count > INT64_MAX / side) ? -1 : count * side;
+  check_size(info, count);
+  std::vector<uint8_t> bytes(static_cast<size_t>(count));
   const Hdf5Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
   const Hdf5Id file_space(H5Dget_space(id));
-  read_space(name, id, file_space, count, H5T_NATIVE_UINT8, out);
+  read_space(name, id, file_space, count, H5T_NATIVE_UINT8, bytes.data());
+  return bytes;
 }
 
 template <class T>

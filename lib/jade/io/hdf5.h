@@ -68,8 +68,9 @@ class Hdf5File {
                   T* out) const;
   /// Reads all values at `index` of the first axis of a data set of numbers, as bytes.
   void read_item(const std::string& name, int64_t index, uint8_t* out) const;
-  /// Reads all values of a data set of numbers of any shape, as bytes.
-  void read_bytes(const std::string& name, uint8_t* out) const;
+  /// All values of a data set of numbers of any shape, as bytes.
+  /// @throws DataError if the file is too small for that many values.
+  std::vector<uint8_t> read_bytes(const std::string& name) const;
   /// Reads values [begin, begin+count) along the other axis of a two-dimensional data set of
   /// numbers at `index` of `axis` (0 or 1).
   template <class T>

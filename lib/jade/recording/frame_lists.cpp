@@ -122,12 +122,12 @@ std::optional<Row> numbers_of(std::string line) {
   return row;
 }
 
-/// The time and the name of a line with one number, before or behind a name. No value for others.
 struct NamedTime {
   std::string name;
   double time = 0;
 };
 
+/// The time and the name of a line with one number, before or behind a name. No value for others.
 std::optional<NamedTime> named_time_of(const std::string& line) {
   const bool is_parted = line.find_first_of(";\t") != std::string::npos;
   const std::string separators = is_parted ? " \t\r;\"" : " \t\r;\",";

@@ -125,8 +125,8 @@ PictureGroups find_single_pictures(const io::Hdf5File& file) {
 
 /// [1,H,W] or [3,H,W] in [0,1], with colours as RGB.
 torch::Tensor read_single_picture(const io::Hdf5File& file, const io::Hdf5Dataset& dataset) {
-  torch::Tensor bytes = torch::empty(dataset.shape, torch::kUInt8);
-  file.read_bytes(dataset.name, bytes.data_ptr<uint8_t>());
+  std::vector<uint8_t> values = file.read_bytes(dataset.name);
+  torch::Tensor bytes = torch::from_blob(values.data(), dataset.shape, torch::kUInt8);
   if (bytes.dim() == 2) bytes = bytes.unsqueeze(0);
   if (dataset.shape.size() == 3 && channel_axis(dataset) == size_t(2))
     bytes = bytes.permute({2, 0, 1});
