@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The router's CUDA layers, run thread by thread on the CPU, against torch's convolutions in
-// float64.
+// float64 with the same rounding.
 #include "support/catch.h"
 
-#include <torch/nn/functional.h>
 #include <torch/types.h>
 
 #include "emulated/block.h"
@@ -11,6 +10,8 @@
 #define cuda emulated_cuda
 #include "jade/router/logits.h"
 #undef cuda
+
+#include "support/router_reference.h"
 
 using namespace jade;
 using emulated::ForcedOrder;
@@ -20,34 +21,18 @@ using torch::Tensor;
 
 namespace {
 
-Tensor layer(const Tensor& in, const Tensor& weights, const Tensor& bias, bool relu = true) {
-  namespace F = torch::nn::functional;
-  const int64_t border = weights.size(2) / 2;
-  const Tensor padded =
-      F::pad(in, F::PadFuncOptions({border, border, border, border}).mode(torch::kReplicate));
-  const Tensor out = torch::conv2d(padded, weights, bias);
-  return relu ? out.relu() : out;
-}
-
-Tensor reference(const Tensor& blurry, const Tensor& psi, const RouterWeights& w) {
-  const Tensor events = layer(layer(psi, w.event1, {}), w.event2, {});
-  const Tensor image = layer(layer(blurry, w.image1, w.image1_bias), w.image2, w.image2_bias);
-  const Tensor hidden = layer(torch::cat({blurry, events, image}, 1), w.head1, {});
-  return layer(layer(hidden, w.head2, {}), w.head3, w.head3_bias, false);
-}
-
 std::vector<Tensor*> all_of(RouterWeights& w) {
   return {&w.event1,      &w.event2, &w.image1, &w.image1_bias, &w.image2,
           &w.image2_bias, &w.head1,  &w.head2,  &w.head3,       &w.head3_bias};
 }
 
-RouterWeights random_weights() {
+RouterWeights whole_weights() {
   RouterWeights w;
   const std::vector<std::vector<int64_t>> shapes = {
       {16, 2, 5, 5}, {6, 16, 5, 5}, {10, 3, 5, 5}, {10},          {8, 10, 5, 5},
       {8},           {9, 17, 3, 3}, {24, 9, 3, 3}, {1, 24, 1, 1}, {1}};
   const auto members = all_of(w);
-  for (size_t i = 0; i < shapes.size(); ++i) *members[i] = 0.2 * torch::randn(shapes[i]);
+  for (size_t i = 0; i < shapes.size(); ++i) *members[i] = router::whole(-1, 1, shapes[i]);
   return w;
 }
 
@@ -72,12 +57,11 @@ std::vector<Tensor> pass(RouterWeights w, const Tensor& blurry, const Tensor& ps
 
 namespace {
 
-/// Within 1e-5 of each tensor's largest value: without the low halves of any product the error is
-/// 1e-4.
-void check_against_reference(const Tensor& blurry, const Tensor& psi, const Tensor& cotangent,
-                             const std::vector<Order>& orders) {
-  const RouterWeights weights = random_weights();
-  const auto expected = pass(weights, blurry, psi, cotangent, torch::kFloat64, reference);
+/// Equal to 22 bits. A bit more or less of any operand gives 1e-4.
+void check_against_reference(const RouterWeights& weights, const Tensor& blurry, const Tensor& psi,
+                             const Tensor& cotangent, const std::vector<Order>& orders) {
+  const auto expected =
+      pass(weights, blurry, psi, cotangent, torch::kFloat64, router::rounded_logits);
   for (const Order order : orders) {
     const ForcedOrder forced(order);
     const auto found = pass(weights, blurry, psi, cotangent, torch::kFloat32,
@@ -85,14 +69,14 @@ void check_against_reference(const Tensor& blurry, const Tensor& psi, const Tens
     for (size_t i = 0; i < expected.size(); ++i) {
       INFO("tensor " << i << ", order " << static_cast<int>(order));
       const double scale = expected[i].abs().max().item<double>() + 1e-30;
-      CHECK((found[i] - expected[i]).abs().max().item<double>() < 1e-5 * scale);
+      CHECK((found[i] - expected[i]).abs().max().item<double>() < 2.5e-7 * scale);
     }
   }
 }
 
 }  // namespace
 
-TEST_CASE("emulated cuda: the router's logits and gradients are those of exact convolutions",
+TEST_CASE("emulated cuda: the router's logits and gradients are those of rounded convolutions",
           "[emulated]") {
   torch::manual_seed(4);
   // With borders of 2 pixels, 29 and 5 leave a last tile of one column and one row.
@@ -100,9 +84,9 @@ TEST_CASE("emulated cuda: the router's logits and gradients are those of exact c
            {1, 1, 1}, {2, 3, 5}, {1, 5, 29}, {1, 2, 66}, {1, 18, 3}}) {
     INFO(size[0] << "x" << size[1] << "x" << size[2]);
     check_against_reference(
-        torch::rand({size[0], 3, size[1], size[2]}),
-        2 * torch::rand({size[0], 2, size[1], size[2]}),
-        torch::randn({size[0], 1, size[1], size[2]}),
+        whole_weights(), router::whole(0, 3, {size[0], 3, size[1], size[2]}),
+        router::whole(0, 3, {size[0], 2, size[1], size[2]}),
+        router::whole(-3, 3, {size[0], 1, size[1], size[2]}),
         size[0] > 1 ? std::vector<Order>{Order::kAscending, Order::kDescending, Order::kShuffled}
                     : std::vector<Order>{Order::kShuffled});
   }
@@ -111,7 +95,26 @@ TEST_CASE("emulated cuda: the router's logits and gradients are those of exact c
 TEST_CASE("emulated cuda: the router's gradients are as exact where they are far from one",
           "[emulated]") {
   torch::manual_seed(5);
-  // The biases are negligible for such inputs; half precision cannot represent either magnitude.
-  check_against_reference(1e7 * torch::rand({1, 3, 3, 4}), 1e-9 * torch::rand({1, 2, 3, 4}),
-                          1e-12 * torch::randn({1, 1, 3, 4}), {Order::kAscending});
+  RouterWeights weights = whole_weights();
+  for (Tensor* bias : {&weights.image1_bias, &weights.image2_bias, &weights.head3_bias})
+    bias->zero_();
+  // Half precision cannot represent either magnitude.
+  for (const double scale : {0x1p23, 0x1p-30}) {
+    check_against_reference(weights, scale * router::whole(0, 3, {1, 3, 3, 4}),
+                            scale * router::whole(0, 3, {1, 2, 3, 4}),
+                            0x1p-40 * router::whole(-3, 3, {1, 1, 3, 4}), {Order::kAscending});
+  }
+}
+
+TEST_CASE("emulated cuda: the router's logits are near exact ones", "[emulated]") {
+  torch::manual_seed(6);
+  RouterWeights weights = whole_weights();
+  for (Tensor* member : all_of(weights)) *member = 0.2 * torch::randn_like(*member);
+  const Tensor blurry = torch::rand({1, 3, 9, 40}), psi = 2 * torch::rand({1, 2, 9, 40});
+  const Tensor cotangent = torch::ones({1, 1, 9, 40});
+  const Tensor exact =
+      pass(weights, blurry, psi, cotangent, torch::kFloat64, router::cpu::router_logits)[0];
+  const Tensor found = pass(weights, blurry, psi, cotangent, torch::kFloat32,
+                            router::emulated_cuda::router_logits)[0];
+  CHECK((found - exact).abs().max().item<double>() < 1e-3 * exact.abs().max().item<double>());
 }

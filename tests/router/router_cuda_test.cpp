@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The router's CUDA kernels against torch's own convolutions in float64 on the CPU.
+// The router's CUDA kernels against torch's own convolutions in float64 on the CPU, with the same
+// rounding.
 #include "support/catch.h"
 
 #include "jade/core/error.h"
 #include "jade/core/random.h"
 #include "jade/router/router.h"
+#include "support/router_reference.h"
 
 namespace jade::router {
 namespace {
@@ -37,26 +39,14 @@ Passed pass(Router& router, torch::Tensor blurry, torch::Tensor psi, const torch
   return out;
 }
 
-/// 0 at pixels whose logit depends on a unit so near to ReLU's kink that rounding decides its side,
-/// and with it its whole gradient; 1 elsewhere. [N,1,H,W]
-torch::Tensor away_from_kinks(Router& router, const torch::Tensor& blurry,
-                              const torch::Tensor& psi) {
-  constexpr double kNear = 1e-5;
-  torch::Tensor near = torch::zeros_like(blurry.slice(1, 0, 1));
-  const auto unit = [&](torch::nn::Conv2d& layer, const torch::Tensor& in) {
-    const torch::Tensor out = layer->forward(in);
-    near = torch::maximum(near, (out.abs() < kNear).to(near.dtype()).amax(1, true));
-    return out.relu();
-  };
-  const torch::NoGradGuard guard;
-  const torch::Tensor events = unit(router->event2, unit(router->event1, psi));
-  const torch::Tensor image = unit(router->image2, unit(router->image1, blurry));
-  unit(router->head2, unit(router->head1, torch::cat({blurry, events, image}, 1)));
-  constexpr int64_t kReach = 4;  // of the first layers' units: 5x5, 3x3, 3x3 follow
-  return 1 - torch::max_pool2d(near, 2 * kReach + 1, 1, kReach);
+RouterWeights weights_of(Router& router) {
+  return {router->event1->weight, router->event2->weight, router->image1->weight,
+          router->image1->bias,   router->image2->weight, router->image2->bias,
+          router->head1->weight,  router->head2->weight,  router->head3->weight,
+          router->head3->bias};
 }
 
-TEST_CASE("router: CUDA values and gradients equal float64 convolutions, for any size and batch",
+TEST_CASE("router: CUDA values and gradients equal rounded convolutions, for any size and batch",
           "[router][cuda]") {
   torch::manual_seed(4);
   for (const auto& size : std::vector<std::vector<int64_t>>{{1, 1, 1},
@@ -70,24 +60,26 @@ TEST_CASE("router: CUDA values and gradients equal float64 convolutions, for any
     Router exact(make_generator(3, "router")), router(make_generator(3, "router"));
     exact->to(torch::kFloat64);
     router->to(torch::kCUDA);
-    const torch::Tensor blurry = torch::rand({size[0], 3, size[1], size[2]});
-    const torch::Tensor psi = 2 * torch::rand({size[0], 2, size[1], size[2]});
-    const torch::Tensor away =
-        away_from_kinks(exact, blurry.to(torch::kFloat64), psi.to(torch::kFloat64));
-    CHECK(away.mean().item<double>() > 0.2);
-    const torch::Tensor cotangent =
-        torch::randn({size[0], 1, size[1], size[2]}) * away.to(torch::kFloat32);
+    for (size_t i = 0; i < exact->parameters().size(); ++i) {
+      const torch::NoGradGuard guard;
+      const torch::Tensor values = whole(-1, 1, exact->parameters()[i].sizes().vec());
+      exact->parameters()[i].copy_(values);
+      router->parameters()[i].copy_(values);
+    }
+    const torch::Tensor blurry = whole(0, 3, {size[0], 3, size[1], size[2]});
+    const torch::Tensor psi = whole(0, 3, {size[0], 2, size[1], size[2]});
+    const torch::Tensor cotangent = whole(-3, 3, {size[0], 1, size[1], size[2]});
     const Passed expected = pass(
         exact, blurry.to(torch::kFloat64), psi.to(torch::kFloat64), cotangent.to(torch::kFloat64),
-        [&](const auto& b, const auto& p) { return exact->logits_by_layers(b, p); });
+        [&](const auto& b, const auto& p) { return rounded_logits(b, p, weights_of(exact)); });
     const auto on_gpu = [&](const auto& b, const auto& p) { return router->logits(b, p); };
     const Passed found = pass(router, blurry.cuda(), psi.cuda(), cotangent.cuda(), on_gpu);
     const Passed again = pass(router, blurry.cuda(), psi.cuda(), cotangent.cuda(), on_gpu);
     INFO(size[0] << "x" << size[1] << "x" << size[2]);
-    CHECK(excess(found.logits, expected.logits) < 1e-5);
+    CHECK(excess(found.logits, expected.logits) < 2.5e-7);
     for (size_t i = 0; i < expected.gradients.size(); ++i) {
       INFO("gradient " << i);
-      CHECK(excess(found.gradients[i], expected.gradients[i]) < 1e-4);
+      CHECK(excess(found.gradients[i], expected.gradients[i]) < 1e-6);
       CHECK(found.gradients[i].equal(again.gradients[i]));
     }
   }

@@ -19,14 +19,6 @@ __device__ __forceinline__ uint32_t to_halves(float first, float second) {
 #endif
 }
 
-__device__ __forceinline__ float2 from_halves(uint32_t both) {
-#if !defined(__CUDACC__)
-  return emulated_from_halves(both);
-#else
-  return __half22float2(*reinterpret_cast<const __half2*>(&both));
-#endif
-}
-
 /// D += A · B by the whole warp, A 16x16, B 16x8, D 16x8. A and B are in half precision, two
 /// neighbours in k per register; sums are float. With g = lane / 4 and t = lane % 4 a lane holds
 ///     a = A[g][2t..], A[g+8][2t..], A[g][2t+8..], A[g+8][2t+8..]

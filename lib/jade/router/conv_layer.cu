@@ -68,12 +68,9 @@ struct StoreLogits {
   }
 };
 
-/// Sums of a warp's pixels, with small products accumulated separately: tensor cores truncate sums.
+/// Sums of a warp's pixels.
 template <int COLUMNS>
-struct Sums {
-  float large[kRows][2][COLUMNS][4] = {};
-  float small[kRows][2][COLUMNS][4] = {};
-};
+using Sums = float[kRows][2][COLUMNS][4];
 
 /// out(o, y, x) = Σ w(o, i, dy, dx) source(i, y + dy, x + dx). TURNED: the gradient of a layer's
 /// input, whose replicated border is added to the edge.
@@ -81,11 +78,10 @@ template <class S, bool TURNED, class Source, class Finish>
 struct Convolution {
   static constexpr int kBorder = TURNED ? S::kKernel / 2 : 0;
   static constexpr int kOutPlane = kTileX * kTileY + 4;
-  static constexpr int kShared =
-      S::kOut * kOutPlane > 2 * S::kWords ? S::kOut* kOutPlane : 2 * S::kWords;
+  static constexpr int kShared = S::kOut * kOutPlane > S::kWords ? S::kOut* kOutPlane : S::kWords;
   Source source;
   Finish finish;
-  const uint4* fragments;
+  const uint2* fragments;
   const uint32_t* inverse;
 
   dim3 grid(int batch) const {
@@ -99,7 +95,7 @@ struct Convolution {
     const Span y(blockIdx.y, kTileY, source.size.height + 2 * kBorder, kBorder);
     const float inverse_scale = load(memory, slots, y.begin, x.begin);
     __syncthreads();
-    Sums<S::kColumns> sums;
+    Sums<S::kColumns> sums = {};
     if (y.begin + static_cast<int>(threadIdx.x) / 32 * kRows < y.end) multiply(memory, sums);
     __syncthreads();
     float* const out = reinterpret_cast<float*>(memory);
@@ -133,16 +129,13 @@ struct Convolution {
 #pragma unroll
       for (int pair = 0; pair < S::kPairs; ++pair) {
         const float second = 2 * pair + 1 < S::kIn ? values[round][2 * pair + 1] : 0.f;
-        const Halves both(scale.factor * values[round][2 * pair], scale.factor * second);
-        to[pair] = both.high;
-        to[S::kWords + pair] = both.low;
+        to[pair] = kernel::to_halves(scale.factor * values[round][2 * pair], scale.factor * second);
       }
       // Values that are multiplied by zero weights must be finite.
-      for (int pair = S::kPairs; pair < S::kStride; ++pair) to[pair] = to[S::kWords + pair] = 0;
+      for (int pair = S::kPairs; pair < S::kStride; ++pair) to[pair] = 0;
     }
     if constexpr (S::kBehind > 0) {
-      uint32_t* const behind = memory + S::kPixels * S::kStride + threadIdx.x;
-      if (threadIdx.x < S::kBehind) behind[0] = behind[S::kWords] = 0;
+      if (threadIdx.x < S::kBehind) memory[S::kPixels * S::kStride + threadIdx.x] = 0;
     }
     return scale.inverse;
   }
@@ -158,10 +151,10 @@ struct Convolution {
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
     const uint32_t* from =
         memory + (kRows * warp * S::kWide + column(0, 0, lane / 4)) * S::kStride + lane % 4;
-    const uint4* weights = fragments + lane;
+    const uint2* weights = fragments + lane;
 #pragma unroll 1
     for (int step = 0; step < S::kSteps; ++step) {
-      uint4 w[kKernel][kColumns];
+      uint2 w[kKernel][kColumns];
 #pragma unroll
       for (int i = 0; i < kKernel * kColumns; ++i) {
         w[i / kColumns][i % kColumns] = __ldg(weights + i * 32);
@@ -169,12 +162,10 @@ struct Convolution {
 #pragma unroll
       for (int i = 0; i < 2 * (kRows + kKernel - 1); ++i) {
         const int row = i / 2, product = i % 2;
-        uint32_t high[4], low[4];
+        uint32_t pixels[4];
 #pragma unroll
         for (int k = 0; k < 4; ++k) {
-          const int at = (row * S::kWide + column(product, k % 2, 0)) * S::kStride + 4 * (k / 2);
-          high[k] = from[at];
-          low[k] = from[S::kWords + at];
+          pixels[k] = from[(row * S::kWide + column(product, k % 2, 0)) * S::kStride + 4 * (k / 2)];
         }
 #pragma unroll
         for (int y = 0; y < kRows; ++y) {
@@ -182,11 +173,8 @@ struct Convolution {
           if (dy < 0 || dy >= kKernel) continue;
 #pragma unroll
           for (int n = 0; n < kColumns; ++n) {
-            const uint32_t high_w[2] = {w[dy][n].x, w[dy][n].y};
-            const uint32_t low_w[2] = {w[dy][n].z, w[dy][n].w};
-            kernel::multiply_add_f16(sums.small[y][product][n], high, low_w);
-            kernel::multiply_add_f16(sums.large[y][product][n], high, high_w);
-            kernel::multiply_add_f16(sums.small[y][product][n], low, high_w);
+            const uint32_t taps[2] = {w[dy][n].x, w[dy][n].y};
+            kernel::multiply_add_f16(sums[y][product][n], pixels, taps);
           }
         }
       }
@@ -207,9 +195,7 @@ struct Convolution {
       float values[4];
 #pragma unroll
       for (int k = 0; k < 4; ++k) {
-        const float sum =
-            sums.large[y][k / 2][n][k % 2 * 2 + odd] + sums.small[y][k / 2][n][k % 2 * 2 + odd];
-        values[k] = sum * inverse_scale * inverse_weights;
+        values[k] = sums[y][k / 2][n][k % 2 * 2 + odd] * inverse_scale * inverse_weights;
       }
       float* const to = out + o * kOutPlane + (kRows * warp + y) * kTileX + column(0, 0, lane / 4);
       if (S::kSpread) {
@@ -294,7 +280,7 @@ struct Run {
   Convolution<S, TURNED, Source, Finish> make(int product, const Source& source,
                                               const Finish& finish) const {
     return {source, finish,
-            reinterpret_cast<const uint4*>(network.prepared) + kPlans.of[product].begin,
+            reinterpret_cast<const uint2*>(network.prepared) + kPlans.of[product].begin,
             network.prepared + product};
   }
   template <class A>

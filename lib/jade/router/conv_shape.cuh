@@ -32,7 +32,7 @@ struct Shape {
 };
 
 /// Weights of a convolution in the order of the tensor cores: [step][kernel row][eight
-/// outputs][lane] of (high, high, low, low).
+/// outputs][lane] of the two words of B.
 struct Prepared {
   int in, out, kernel, stride, steps, columns;
   bool step_per_tap;
@@ -41,7 +41,7 @@ struct Prepared {
   int first;     ///< of the layer's inputs, if `turned`
   int layer_in;  ///< the layer's own size
   int layer_out;
-  int begin;  ///< of the fragments, in fours of words
+  int begin;  ///< of the fragments, in pairs of words
 };
 
 /// Convolutions: layers by their own numbers, except head3, which is not one; then gradients of a
@@ -57,7 +57,7 @@ enum Product {
   kProducts
 };
 
-constexpr int kInverses = round_up(kProducts, 4);  ///< words at the start: 1 / the weights' scale
+constexpr int kInverses = round_up(kProducts, 2);  ///< words at the start: 1 / the weights' scale
 
 using Event1 = Shape<2, 16, 5>;
 using Event2 = Shape<16, 6, 5>;
@@ -76,7 +76,7 @@ using OfPsi = Shape<16, 2, 5>;
 
 struct Plans {
   Prepared of[kProducts] = {};
-  int end = kInverses / 4;
+  int end = kInverses / 2;
 
   /// For the gradient of a subset of a layer's inputs: index of the first, and the total number.
   template <class S>

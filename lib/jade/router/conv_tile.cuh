@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inputs of the router's kernels: pixels of an image or of a gradient, and numbers split into two
-// halves for the tensor cores.
+// Inputs of the router's kernels: pixels of an image or of a gradient, in half precision for the
+// tensor cores.
 //
-// x is represented as high + low, both in half precision: 22 bits of x. A tile is first multiplied
-// by a power of two that scales its largest number to 2^14, so that only numbers 2^28 times smaller
-// lose bits. A product is computed as high·high + high·low + low·high.
+// Half precision has the 11 bits of TF32, but a smaller exponent. So a tile is first multiplied by
+// the power of two that scales its largest number to 2^14; only numbers 2^28 times smaller lose
+// bits.
 #pragma once
 
 #include "jade/kernel/host_device.h"
@@ -24,15 +24,6 @@ struct Scale {
     const uint32_t exponent = min(268u - (__float_as_uint(largest) >> 23), 227u);
     factor = __uint_as_float(exponent << 23);
     inverse = __uint_as_float((254u - exponent) << 23);
-  }
-};
-
-/// Two numbers: the high halves of both in one word, the low halves in another.
-struct Halves {
-  uint32_t high, low;
-  __device__ Halves(float first, float second) : high(kernel::to_halves(first, second)) {
-    const float2 taken = kernel::from_halves(high);
-    low = kernel::to_halves(first - taken.x, second - taken.y);
   }
 };
 

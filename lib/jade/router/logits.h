@@ -27,8 +27,8 @@ torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& ps
 
 namespace cuda {
 
-/// CUDA version of router_logits(). float32 only, with float32 accuracy: numbers are split for the
-/// tensor cores instead of rounded to TF32 (README.md).
+/// CUDA version of router_logits(). float32 only. Factors of products are rounded to 11 bits, as by
+/// torch's convolutions in TF32, and summed in float32 (README.md).
 /// @throws ContractError for other shapes or types, DeviceError if a kernel does not start.
 torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
                             const RouterWeights& weights);

@@ -38,28 +38,27 @@ __global__ void __launch_bounds__(kThreads) prepare_kernel(Preparation args) {
   if (blockIdx.y == 0 && threadIdx.x == 0)
     args.prepared[blockIdx.x] = __float_as_uint(scale.inverse);
 
-  uint4* const to = reinterpret_cast<uint4*>(args.prepared) + plan.begin;
+  uint2* const to = reinterpret_cast<uint2*>(args.prepared) + plan.begin;
   for (int i = blockIdx.y * kThreads + threadIdx.x;
        i < plan.steps * plan.kernel * plan.columns * 32; i += kParts * kThreads) {
     const int lane = i % 32, o = i / 32 % plan.columns * 8 + lane / 4;
     const int dy = i / (32 * plan.columns) % plan.kernel;
     const int step = i / (32 * plan.columns * plan.kernel);
-    uint32_t high[2], low[2];
+    uint32_t words[2];
     for (int half = 0; half < 2; ++half) {
       const int slot = (plan.step_per_tap ? step * plan.stride : step * 8) + lane % 4 + 4 * half;
       const int dx = slot / plan.stride, c = slot % plan.stride * 2;
-      const Halves both(scale.factor * prepared_weight(plan, weights, o, c, dy, dx),
-                        scale.factor * prepared_weight(plan, weights, o, c + 1, dy, dx));
-      high[half] = both.high;
-      low[half] = both.low;
+      words[half] =
+          kernel::to_halves(scale.factor * prepared_weight(plan, weights, o, c, dy, dx),
+                            scale.factor * prepared_weight(plan, weights, o, c + 1, dy, dx));
     }
-    to[i] = make_uint4(high[0], high[1], low[0], low[1]);
+    to[i] = make_uint2(words[0], words[1]);
   }
 }
 
 }  // namespace
 
-int64_t prepared_words() { return int64_t{4} * kPlans.end; }
+int64_t prepared_words() { return int64_t{2} * kPlans.end; }
 
 void prepare_weights(const Network& net, cudaStream_t stream) {
   Preparation preparation{kPlans, {}, net.prepared};

@@ -28,7 +28,7 @@ class RouterImpl : public torch::nn::Module {
   torch::Tensor logits(const torch::Tensor& blurry, const torch::Tensor& psi);
 
   /// Reference for logits() with torch's convolutions, on any device. The kernels of logits() agree
-  /// with it up to rounding and are several times as fast.
+  /// with it up to rounding, on CUDA to 11 bits, and are several times as fast.
   torch::Tensor logits_by_layers(const torch::Tensor& blurry, const torch::Tensor& psi);
 
   torch::nn::Conv2d event1{nullptr}, event2{nullptr};                ///< 5×5, 2→16→6, no bias

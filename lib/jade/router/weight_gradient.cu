@@ -36,48 +36,40 @@ struct Sizes {
   static constexpr int kPerWarp = round_up(kTiles, kWarps) / kWarps;
   static constexpr int kColumns = round_up(kOut, 8) / 8;
   static constexpr int kInWords = kPlanes * kPlane, kOutWords = kOut * kOutPlane;
-  static constexpr int kShared = 2 * (kInWords + kOutWords);
+  static constexpr int kShared = kInWords + kOutWords;
   static constexpr int kWeights = kTaps * kOut + kBias * kOut;
 };
 
-/// Planes of a tile in shared memory. Until their scale is known, the two numbers of a place are
-/// stored where its high and low halves will be.
-template <int CHANNELS, int WIDE, int HIGH>
+/// Planes of a tile in shared memory, read twice: for the largest number, then to store it scaled.
+template <class Source, int CHANNELS, int WIDE, int HIGH>
 struct Planes {
-  uint32_t *high, *low;
+  const Source& source;
+  int image, y0, x0;
+  uint32_t* to;
   int stride, plane;
 
   /// Returns the thread's largest number.
-  template <class Source>
-  __device__ float load(const Source& source, int image, int y0, int x0) const {
+  __device__ float largest() const {
     float largest = 0;
 #pragma unroll 1
-    for (int i = threadIdx.x; i < WIDE * HIGH; i += kThreads) {
-      const int at = i / WIDE * stride + i % WIDE;
-#pragma unroll
-      for (int half = 0; half < 2; ++half) {
-        float values[CHANNELS];
-        source.read(image, y0 + i / WIDE + half * kHalfY, x0 + i % WIDE, values);
-        largest = fmaxf(largest, largest_of(values));
-        uint32_t* const to = (half == 0 ? high : low) + at;
-#pragma unroll
-        for (int c = 0; c < CHANNELS; ++c) to[c * plane] = __float_as_uint(values[c]);
-      }
+    for (int i = threadIdx.x; i < WIDE * (HIGH + kHalfY); i += kThreads) {
+      float values[CHANNELS];
+      source.read(image, y0 + i / WIDE, x0 + i % WIDE, values);
+      largest = fmaxf(largest, largest_of(values));
     }
     return largest;
   }
 
-  /// Must run on the threads that loaded them.
-  __device__ void convert(float factor) const {
+  __device__ void store(float factor) const {
 #pragma unroll 1
     for (int i = threadIdx.x; i < WIDE * HIGH; i += kThreads) {
-      const int at = i / WIDE * stride + i % WIDE;
+      const int y = i / WIDE, x = i % WIDE;
+      float upper[CHANNELS], lower[CHANNELS];
+      source.read(image, y0 + y, x0 + x, upper);
+      source.read(image, y0 + y + kHalfY, x0 + x, lower);
 #pragma unroll
       for (int c = 0; c < CHANNELS; ++c) {
-        const Halves both(factor * __uint_as_float(high[c * plane + at]),
-                          factor * __uint_as_float(low[c * plane + at]));
-        high[c * plane + at] = both.high;
-        low[c * plane + at] = both.low;
+        to[c * plane + y * stride + x] = kernel::to_halves(factor * upper[c], factor * lower[c]);
       }
     }
   }
@@ -113,23 +105,20 @@ struct WeightGradient {
  private:
   __device__ void load(uint32_t* memory, uint32_t (*slots)[kWarps], int image, int y0, int x0,
                        float* inverse_in, float* inverse_out) const {
-    uint32_t* const gradients = memory + 2 * S::kInWords;
-    const Planes<S::kIn, S::kRead, S::kHigh> inputs{memory, memory + S::kInWords, S::kWide,
-                                                    S::kPlane};
-    const Planes<S::kOut, kTileX, kHalfY> outputs{gradients, gradients + S::kOutWords, kTileX,
-                                                  S::kOutPlane};
-    const float largest_in = inputs.load(in, image, y0 - S::kKernel / 2, x0 - S::kKernel / 2);
-    const float largest_out = outputs.load(of_out, image, y0, x0);
+    constexpr int kReach = S::kKernel / 2;
+    const Planes<In, S::kIn, S::kRead, S::kHigh> inputs{in,     image,    y0 - kReach, x0 - kReach,
+                                                        memory, S::kWide, S::kPlane};
+    const Planes<Of, S::kOut, kTileX, kHalfY> outputs{
+        of_out, image, y0, x0, memory + S::kInWords, kTileX, S::kOutPlane};
+    const float largest_in = inputs.largest(), largest_out = outputs.largest();
     const Scale of_in(block_largest<kThreads>(largest_in, slots[0]));
     const Scale of_gradient(block_largest<kThreads>(largest_out, slots[1]));
-    inputs.convert(of_in.factor);
-    outputs.convert(of_gradient.factor);
+    inputs.store(of_in.factor);
+    outputs.store(of_gradient.factor);
     if (S::kBias) {
       uint32_t* const ones = memory + S::kIn * S::kPlane;
       for (int i = threadIdx.x; i < kHalfY * S::kWide; i += kThreads) {
-        const Halves both(1.f, 1.f);
-        ones[i] = both.high;
-        ones[S::kInWords + i] = both.low;
+        ones[i] = kernel::to_halves(1.f, 1.f);
       }
     }
     *inverse_in = of_in.inverse;
@@ -148,7 +137,7 @@ struct WeightGradient {
   __device__ void add_tile(const uint32_t* memory, int high, float inverse_in, float inverse_out,
                            float (&total)[S::kPerWarp][S::kColumns][4]) const {
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    float large[S::kPerWarp][S::kColumns][4] = {}, small[S::kPerWarp][S::kColumns][4] = {};
+    float sums[S::kPerWarp][S::kColumns][4] = {};
     int rows[S::kPerWarp][2], outputs[S::kColumns];
 #pragma unroll
     for (int i = 0; i < 2 * S::kPerWarp; ++i) {
@@ -157,13 +146,13 @@ struct WeightGradient {
     }
 #pragma unroll
     for (int n = 0; n < S::kColumns; ++n) {
-      outputs[n] = 2 * S::kInWords + min(8 * n + lane / 4, S::kOut - 1) * S::kOutPlane + lane % 4;
+      outputs[n] = S::kInWords + min(8 * n + lane / 4, S::kOut - 1) * S::kOutPlane + lane % 4;
     }
 #pragma unroll 1
     for (int y = 0; y < high; ++y) {
 #pragma unroll
       for (int x = 0; x < kTileX; x += 8) {
-        multiply(memory + x, rows, outputs, large, small);
+        multiply(memory + x, rows, outputs, sums);
       }
 #pragma unroll
       for (int i = 0; i < 2 * S::kPerWarp; ++i) rows[i / 2][i % 2] += S::kWide;
@@ -174,7 +163,7 @@ struct WeightGradient {
     for (int i = 0; i < S::kPerWarp * S::kColumns * 4; ++i) {
       const int m = i / (4 * S::kColumns), n = i / 4 % S::kColumns, k = i % 4;
       const int row = (warp * S::kPerWarp + m) * 16 + k / 2 * 8 + lane / 4;
-      const float sum = (large[m][n][k] + small[m][n][k]) * inverse_out;
+      const float sum = sums[m][n][k] * inverse_out;
       total[m][n][k] += row < S::kTaps ? sum * inverse_in : sum;
     }
   }
@@ -183,29 +172,20 @@ struct WeightGradient {
   static __device__ __forceinline__ void multiply(const uint32_t* memory,
                                                   const int (&rows)[S::kPerWarp][2],
                                                   const int (&outputs)[S::kColumns],
-                                                  float (&large)[S::kPerWarp][S::kColumns][4],
-                                                  float (&small)[S::kPerWarp][S::kColumns][4]) {
-    uint32_t high_g[S::kColumns][2], low_g[S::kColumns][2];
+                                                  float (&sums)[S::kPerWarp][S::kColumns][4]) {
+    uint32_t gradients[S::kColumns][2];
 #pragma unroll
     for (int i = 0; i < 2 * S::kColumns; ++i) {
-      const uint32_t* const from = memory + outputs[i / 2] + i % 2 * 4;
-      high_g[i / 2][i % 2] = from[0];
-      low_g[i / 2][i % 2] = from[S::kOutWords];
+      gradients[i / 2][i % 2] = memory[outputs[i / 2] + i % 2 * 4];
     }
 #pragma unroll
     for (int m = 0; m < S::kPerWarp; ++m) {
-      uint32_t high[4], low[4];
+      uint32_t pixels[4];
 #pragma unroll
-      for (int k = 0; k < 4; ++k) {
-        const uint32_t* const from = memory + rows[m][k % 2] + k / 2 * 4;
-        high[k] = from[0];
-        low[k] = from[S::kInWords];
-      }
+      for (int k = 0; k < 4; ++k) pixels[k] = memory[rows[m][k % 2] + k / 2 * 4];
 #pragma unroll
       for (int n = 0; n < S::kColumns; ++n) {
-        kernel::multiply_add_f16(small[m][n], high, low_g[n]);
-        kernel::multiply_add_f16(large[m][n], high, high_g[n]);
-        kernel::multiply_add_f16(small[m][n], low, high_g[n]);
+        kernel::multiply_add_f16(sums[m][n], pixels, gradients[n]);
       }
     }
   }
