@@ -154,8 +154,11 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   const data::Dataset dataset = data::load_dataset(settings->dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
   train::apply_dataset(dataset, flags.options.settings);
-  run::settle_thresholds(dataset, run::data_fingerprint(dataset), flags.options.log_offset,
-                         flags.options.settings);
+  run::settle_thresholds(
+      dataset,
+      run::measure_thresholds(dataset, run::data_fingerprint(dataset), flags.options.log_offset,
+                              flags.options.settings.cache),
+      flags.options.settings);
   make_writable_folder(output);
   const auto lock = FolderLock::take(output);
   if (!lock) {

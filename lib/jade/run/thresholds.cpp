@@ -7,7 +7,6 @@
 
 #include "jade/core/error.h"
 #include "jade/core/log.h"
-#include "jade/core/progress.h"
 #include "jade/core/version.h"
 
 namespace jade::run {
@@ -77,7 +76,6 @@ data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
   // Another version of the program may measure differently.
   const std::string recipe = concat("thresholds 3; ", version(), " ", git_commit(), "; offset ",
                                     log_offset, "; ", fingerprint);
-  const Progress progress("measuring thresholds", 1, 0, "data sets");
   const torch::Tensor entry = cache.get(restore::restoration_key(recipe, {}), {1, 1, 12}, [&] {
     return entry_of(data::estimate_thresholds(seen_by_events(dataset), dataset.events, log_offset));
   });
@@ -92,13 +90,11 @@ std::string flip_warning(const data::Dataset& dataset, const data::ThresholdEsti
                 estimate.flip->cure({frame.size(-2), frame.size(-1)}));
 }
 
-void settle_thresholds(const data::Dataset& dataset, const std::string& fingerprint,
-                       double log_offset, train::RunOptions& options) {
+void settle_thresholds(const data::Dataset& dataset, const data::ThresholdEstimate& found,
+                       train::RunOptions& options) {
   events::EventOptions& events = options.events;
   const bool automatic = events.threshold_positive.is_auto();
   const events::Thresholds configured = events.thresholds();
-  const data::ThresholdEstimate found =
-      measure_thresholds(dataset, fingerprint, log_offset, options.cache);
   const events::Thresholds& measured = found.thresholds;
   if (found.flip) log_warn(flip_warning(dataset, found));
   if (!automatic) {

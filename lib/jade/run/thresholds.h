@@ -23,11 +23,11 @@ data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
 /// One line that names the flip of an estimate and its cure; empty if it has none.
 std::string flip_warning(const data::Dataset& dataset, const data::ThresholdEstimate& estimate);
 
-/// Replaces events.threshold_positive auto by the result of measure_thresholds(), or by 0.25 with a
-/// warning. Thresholds that are numbers do not change, including a negative one; a warning names
-/// both pairs if they differ by more than 30 % from the measured ones. Warns
-/// of flipped events too (flip_warning).
-void settle_thresholds(const data::Dataset& dataset, const std::string& fingerprint,
-                       double log_offset, train::RunOptions& options);
+/// Replaces events.threshold_positive auto by the measured thresholds, or by 0.25 with a warning.
+/// Thresholds that are numbers do not change, including a negative one; a warning names both pairs
+/// if they differ by more than 30 % from the measured ones. Warns of flipped events too
+/// (flip_warning).
+void settle_thresholds(const data::Dataset& dataset, const data::ThresholdEstimate& found,
+                       train::RunOptions& options);
 
 }  // namespace jade::run

@@ -6,22 +6,17 @@
 #include <cstdio>
 #include <exception>
 
-#include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/device.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/log.h"
 #include "jade/core/progress.h"
 #include "jade/core/readable.h"
-#include "jade/data/pattern_estimate.h"
 #include "jade/gaussians/ply.h"
 #include "jade/geometry/origin.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/report.h"
-#include "jade/run/resume.h"
-#include "jade/run/thresholds.h"
-#include "jade/train/memory_plan.h"
 #include "jade/train/routing_step.h"
 
 namespace jade::run {
@@ -31,22 +26,6 @@ namespace fs = std::filesystem;
 
 double now_seconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-std::string yaml_of(train::RunOptions options) {
-  return config::to_yaml(fields_of(options), "Resolved configuration of this run");
-}
-
-/// Replaces pattern.learn auto by on or off.
-void settle_pattern(const data::Dataset& dataset, train::LearnPattern& learn) {
-  if (learn != train::LearnPattern::kAuto) return;
-  const data::PatternEstimate found = data::estimate_pattern(dataset);
-  learn = found.is_worth_learning() ? train::LearnPattern::kOn : train::LearnPattern::kOff;
-  if (learn == train::LearnPattern::kOn) {
-    log_info(concat("pattern     ", std::round(1e4 * found.strength) / 100,
-                    " % of white (standard deviation) is the same in all frames and becomes no "
-                    "scene; --set pattern.learn=off leaves it"));
-  }
 }
 
 constexpr char kLooks[] = "looks on the way";
@@ -61,48 +40,18 @@ bool every(int64_t step, int64_t due) { return due > 0 && step % due == 0; }
 
 Trainer::Trainer(const train::RunOptions& options, const fs::path& run, const std::string& from,
                  const std::optional<Choices>& choices)
-    : options_(options),
-      device_(select_device(options.device)),
-      directory_(run),
-      data_(load_data(directory_, options, device_, from.empty())),
-      stream_(device_) {
-  times_.end("data");
-  limit_threads_beside(device_);
-  train::settle(options_);
-  train::apply_dataset(data_.dataset, options_);
-  const int64_t budget = train::memory_budget(options_, device_);
-  std::optional<train::TrainState> state;
-  if (!from.empty()) state = resume(directory_, from, data_, choices, device_, options_);
-  if (state) {
-    state_ = std::move(*state);
-  } else {
-    settle_thresholds(data_.dataset, data_.fingerprint, /*log_offset=*/0, options_);
-    options_.splat.near_plane = train::near_plane(options_.splat, data_.dataset);
-    settle_pattern(data_.dataset, options_.pattern.learn);
-    options_.gains.optimize = learns_gains() ? train::LearnGains::kOn : train::LearnGains::kOff;
-    options_.densify.max_gaussians = train::max_gaussians(options_, data_.dataset, budget);
-    if (choices) choose_pace(data_.dataset, *choices, device_, options_, data_.restorer);
-    if (!train::needs_efnet(options_)) data_.restorer_sha256.clear();
-    state_ = train::make_state(options_, data_.dataset, device_);
-  }
-  announce(data_, device_, state_, options_);
-  write_file(directory_.path() / "config.yaml", yaml_of(options_));
-  write_file(directory_.path() / kEnvironmentFile, environment_json(data_, device_, options_.seed));
-  times_.end("start");
-  const int64_t most = train::most_gaussians(state_, options_);
-  train::MemoryPlan plan = train::memory_plan(options_, data_.dataset, most);
-  feed_ = train::StepFeed(data_.dataset, options_, device_, std::move(data_.restorer),
-                          train::constants_budget(plan, budget));
-  if (data_.kernels.valid()) data_.kernels.wait();  // a graph must not be recorded beside it
-  times_.end("restorations");
-  if (device_.is_cuda()) {
-    plan.constants = bank().bytes_on_device();
-    log_info(concat("memory      of ", budget >> 20, " MiB for tensors ",
-                    train::text_of(plan, bank().size(), most), "; peak so far ",
-                    peak_memory_bytes(device_) >> 20, " MiB"));
-  }
-  metrics_ = std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step);
-}
+    : Trainer(prepare(options, run, from, choices)) {}
+
+Trainer::Trainer(Prepared parts)
+    : times_(std::move(parts.times)),
+      options_(std::move(parts.options)),
+      device_(parts.device),
+      directory_(std::move(parts.directory)),
+      data_(std::move(parts.data)),
+      stream_(std::move(parts.stream)),
+      state_(std::move(parts.state)),
+      feed_(std::move(parts.feed)),
+      metrics_(std::make_unique<MetricsLog>(directory_.path() / "metrics.jsonl", state_.step)) {}
 
 Trainer::~Trainer() {
   // Keep the log file open while an exception unwinds, so that its handler's message is logged.
@@ -154,7 +103,7 @@ void Trainer::save() {
   monitor_.check();
   save_checkpoint(
       directory_.path(), state_,
-      {yaml_of(options_), data_.fingerprint, data_.restorer_sha256, data_.dataset.origin},
+      {resolved_yaml(options_), data_.fingerprint, data_.restorer_sha256, data_.dataset.origin},
       options_.checkpoint.keep);
 }
 

@@ -12,11 +12,8 @@
 #include "jade/eval/report.h"
 #include "jade/run/learned_cameras.h"
 #include "jade/run/metrics_log.h"
-#include "jade/run/pace.h"
 #include "jade/run/picture_writer.h"
-#include "jade/run/run_data.h"
-#include "jade/run/run_directory.h"
-#include "jade/run/stage_times.h"
+#include "jade/run/prepare.h"
 #include "jade/run/term_monitor.h"
 #include "jade/run/watcher.h"
 #include "jade/train/options.h"
@@ -84,13 +81,14 @@ class Trainer {
   [[noreturn]] void stop();
   void finish();
 
-  StageTimes times_;  // first member: measures from the start
+  explicit Trainer(Prepared parts);
+
+  StageTimes times_;
   train::RunOptions options_;
   torch::Device device_;
   RunDirectory directory_;
   RunData data_;
-  // before every tensor on a GPU, whose context is created while data are read
-  train::StreamScope stream_;
+  std::unique_ptr<train::StreamScope> stream_;
   train::TrainState state_;
   train::StepFeed feed_;
   train::StepGraph step_graph_;

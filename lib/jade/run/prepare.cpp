@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "jade/run/prepare.h"
+
+#include <cmath>
+#include <future>
+#include <utility>
+
+#include "jade/config/config.h"
+#include "jade/core/atomic_file.h"
+#include "jade/core/device.h"
+#include "jade/core/error.h"
+#include "jade/core/log.h"
+#include "jade/core/progress.h"
+#include "jade/data/pattern_estimate.h"
+#include "jade/run/resume.h"
+#include "jade/run/thresholds.h"
+#include "jade/train/memory_plan.h"
+#include "jade/train/plan.h"
+
+namespace jade::run {
+namespace {
+
+/// Replaces pattern.learn auto by on or off.
+void settle_pattern(const data::Dataset& dataset, train::LearnPattern& learn) {
+  if (learn != train::LearnPattern::kAuto) return;
+  const data::PatternEstimate found = data::estimate_pattern(dataset);
+  learn = found.is_worth_learning() ? train::LearnPattern::kOn : train::LearnPattern::kOff;
+  if (learn == train::LearnPattern::kOn) {
+    log_info(concat("pattern     ", std::round(1e4 * found.strength) / 100,
+                    " % of white (standard deviation) is the same in all frames and becomes no "
+                    "scene; --set pattern.learn=off leaves it"));
+  }
+}
+
+/// The state of a new run, and options that depend on its data.
+train::TrainState new_state(const std::optional<Choices>& choices, int64_t budget, Prepared& run) {
+  train::RunOptions& options = run.options;
+  const data::Dataset& dataset = run.data.dataset;
+  options.splat.near_plane = train::near_plane(options.splat, dataset);
+  settle_pattern(dataset, options.pattern.learn);
+  options.gains.optimize = train::learns_gains(options.gains, dataset) ? train::LearnGains::kOn
+                                                                       : train::LearnGains::kOff;
+  options.densify.max_gaussians = train::max_gaussians(options, dataset, budget);
+  if (choices) choose_pace(dataset, *choices, run.device, options, run.data.restorer);
+  if (!train::needs_efnet(options)) run.data.restorer_sha256.clear();
+  return train::make_state(options, dataset, run.device);
+}
+
+}  // namespace
+
+std::string resolved_yaml(train::RunOptions options) {
+  return config::to_yaml(fields_of(options), "Resolved configuration of this run");
+}
+
+Prepared prepare(const train::RunOptions& given, const std::filesystem::path& folder,
+                 const std::string& from, const std::optional<Choices>& choices) {
+  Prepared run{StageTimes(), given, select_device(given.device), RunDirectory(folder), {}, {},
+               {},           {}};
+  train::RunOptions& options = run.options;
+  run.data = load_data(run.directory, options, run.device, from.empty());
+  const data::Dataset& dataset = run.data.dataset;
+  run.stream = std::make_unique<train::StreamScope>(run.device);
+  run.times.end("data");
+  limit_threads_beside(run.device);
+  train::settle(options);
+  train::apply_dataset(dataset, options);
+  const int64_t budget = train::memory_budget(options, run.device);
+  std::optional<train::TrainState> state;
+  if (!from.empty()) state = resume(run.directory, from, run.data, choices, run.device, options);
+  // Configured thresholds are only compared with measured ones, while the exposures are restored.
+  std::future<data::ThresholdEstimate> measured;
+  if (!state) {
+    const bool wait = options.events.threshold_positive.is_auto();
+    measured =
+        std::async(wait ? std::launch::deferred : std::launch::async,
+                   [&dataset, fingerprint = run.data.fingerprint, cache = options.cache] {
+                     return measure_thresholds(dataset, fingerprint, /*log_offset=*/0, cache);
+                   });
+    if (wait) {
+      const Progress progress("measuring thresholds", 1, 0, "data sets");
+      settle_thresholds(dataset, measured.get(), options);
+    }
+    state = new_state(choices, budget, run);
+  }
+  run.state = std::move(*state);
+  announce(run.data, run.device, run.state, options);
+  write_file(run.directory.path() / "config.yaml", resolved_yaml(options));
+  write_file(run.directory.path() / kEnvironmentFile,
+             environment_json(run.data, run.device, options.seed));
+  run.times.end("start");
+  const int64_t most = train::most_gaussians(run.state, options);
+  train::MemoryPlan plan = train::memory_plan(options, dataset, most);
+  run.feed = train::StepFeed(dataset, options, run.device, std::move(run.data.restorer),
+                             train::constants_budget(plan, budget));
+  if (measured.valid()) settle_thresholds(dataset, measured.get(), options);
+  if (run.data.kernels.valid()) run.data.kernels.wait();  // a graph must not be recorded beside it
+  run.times.end("restorations");
+  if (run.device.is_cuda()) {
+    plan.constants = run.feed.bank().bytes_on_device();
+    log_info(concat("memory      of ", budget >> 20, " MiB for tensors ",
+                    train::text_of(plan, run.feed.bank().size(), most), "; peak so far ",
+                    peak_memory_bytes(run.device) >> 20, " MiB"));
+  }
+  return run;
+}
+
+}  // namespace jade::run
