@@ -78,6 +78,9 @@ TEST_CASE("stream faults: frame times with few digits", "[events]") {
   // Left-out frames of a steady camera.
   CHECK(resolution_fault({{0, 0}, {50000, 0}, {150000, 0}, {200000, 0}, {350000, 0}, {400000, 0}})
             .empty());
+  // One frame half a period late.
+  CHECK(resolution_fault({{0, 0}, {50000, 0}, {100000, 0}, {125000, 0}, {150000, 0}, {200000, 0}})
+            .empty());
   // Sharp frames between those of a steady camera.
   CHECK(resolution_fault({{0, 0}, {50000, 0}, {100000, 0}, {145000, 0}, {150000, 0}, {200000, 0}})
             .empty());

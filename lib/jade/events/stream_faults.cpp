@@ -79,7 +79,8 @@ std::string resolution_fault(const EventStream& events) {
 std::string resolution_fault(std::vector<TimeWindow> exposures) {
   constexpr size_t kFew = 6;  // frames
   constexpr int64_t kCoarsestUs = 1000;
-  constexpr double kShare = 0.05;  // of the exposure
+  constexpr double kShare = 0.05;    // of the exposure
+  constexpr double kLargest = 0.45;  // of the period; larger steps are frames out of step
   if (exposures.size() < kFew) return "";
   std::sort(exposures.begin(), exposures.end(),
             [](const TimeWindow& a, const TimeWindow& b) { return a.begin_us < b.begin_us; });
@@ -106,7 +107,7 @@ std::string resolution_fault(std::vector<TimeWindow> exposures) {
   });
   const bool exact = std::all_of(gaps.begin(), gaps.end(),
                                  [&](int64_t gap) { return gap == periods_of(gap) * usual; });
-  if (!steady || exact) return "";
+  if (!steady || exact || double(step) > kLargest * period) return "";
   const int64_t length = lengths.empty() ? usual : median_of(lengths);
   if (double(step) <= kShare * double(length)) return "";
   return concat("expected frame times in microseconds, found all of ", exposures.size(),
