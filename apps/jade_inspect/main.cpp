@@ -8,9 +8,11 @@
 #include "common/shell.h"
 #include "jade/config/config.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/dataset.h"
 #include "jade/gaussians/scene_file.h"
+#include "jade/recording/event_folder.h"
 #include "jade/recording/format.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/run_summary.h"
@@ -66,6 +68,12 @@ ExitCode inspect(const train::RunOptions& settings, double log_offset,
   return ExitCode::kOk;
 }
 
+/// "; for its events give one of: a.h5, b.h5"; empty if there are none.
+std::string hint_of_events(const std::filesystem::path& folder) {
+  const std::vector<std::string> files = recording::unfound_events(folder);
+  return files.empty() ? "" : concat("; for its events give one of: ", listing(files));
+}
+
 /// For an unrecognised folder, reports what it could have been; for a damaged model, the damage.
 void check_is_dataset(const data::DatasetOptions& options) {
   if (options.kind != data::DatasetKind::kAuto || !std::filesystem::is_directory(options.path))
@@ -78,7 +86,7 @@ void check_is_dataset(const data::DatasetOptions& options) {
                            ": expected a recording (events, or frames that have times), a data set "
                            "(poses_bounds.npy, sparse/0 or transforms.json) or a run directory, "
                            "found none of them",
-                           data::other_finding(options.path)));
+                           data::other_finding(options.path), hint_of_events(options.path)));
   }
 }
 

@@ -11,6 +11,7 @@
 
 #include "common/shell.h"
 #include "jade/core/readable.h"
+#include "jade/import/calibration.h"
 #include "jade/import/frame_masks.h"
 #include "jade/recording/recording.h"
 
@@ -88,6 +89,16 @@ std::string next_command(const Recording& r, const RecordingNumbers& n,
   const bool two_cameras = r.calibration && r.calibration->text.find("cam1:") != std::string::npos;
   if (two_cameras) line += " --plane-depth METRES";
   return line + " --output " + shell_word(fs::path("data") / name_of(r.source));
+}
+
+/// Leaves out a calibration of a folder that cannot be read, with a warning.
+void check_calibration(Recording& r) {
+  if (!r.calibration || !fs::is_directory(r.source)) return;
+  const fs::path path = r.source / r.calibration->name;
+  const std::string fault = import::calibration_fault(path);
+  if (fault.empty()) return;
+  r.warnings.push_back(concat(path.string(), fault, "; it is not used"));
+  r.calibration.reset();
 }
 
 /// Reads the masks stored with the frames as jade_import does, and notes their statistics.
@@ -179,6 +190,7 @@ void inspect_recording(const fs::path& path, recording::ReadOptions options,
                        const std::string& import_program, bool json) {
   options.most_events = kMostEvents;
   Recording r = recording::read_recording(path, options);
+  check_calibration(r);
   note_masks(r);
   RecordingNumbers numbers = numbers_of(r);
   if (!options.events_group.empty())

@@ -260,6 +260,15 @@ TEST_CASE("image: listings are sorted and hold images only", "[imaging]") {
   CHECK_THROWS_AS(list_images(folder.path / "missing"), jade::DataError);
 }
 
+TEST_CASE("image: listings go by the values of names that are fractions", "[imaging]") {
+  const Folder folder;
+  for (const char* name : {"0.4.png", "0.17.png", "0.055.png"})
+    std::ofstream(folder.path / name) << "x";
+  CHECK(list_images(folder.path)[1].stem() == "0.17");
+  std::ofstream(folder.path / "0.170.png") << "x";  // no fractions: two would be equal
+  CHECK(list_images(folder.path)[0].stem() == "0.4");
+}
+
 TEST_CASE("image: listings go by the numbers in names", "[imaging]") {
   const Folder folder;
   for (const char* name : {"f10.png", "f2.png", "f1.png", "f02.png", "e3.png", "f2b.png"})

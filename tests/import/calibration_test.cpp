@@ -80,6 +80,13 @@ void check_fails(const std::string& text, const std::string& part) {
 
 }  // namespace
 
+TEST_CASE("calibration: a fault is said without a remedy", "[import]") {
+  CHECK(import::calibration_fault(File(kKalibr).path).empty());
+  const std::string fault = import::calibration_fault(File("made: 2024\n").path);
+  CHECK(fault.rfind(": expected a calibration", 0) == 0);
+  CHECK(fault.find(';') == std::string::npos);
+}
+
 TEST_CASE("calibration: a chain of Kalibr, two lenses and the place between", "[import]") {
   const auto calibration = read(kKalibr);
   REQUIRE(calibration.cameras.size() == 2);

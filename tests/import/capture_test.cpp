@@ -16,7 +16,7 @@ namespace {
 
 import::Capture small_capture(){import::Capture capture;
 capture.source = "table.zip";
-capture.format = "RPG text folder";
+capture.format = "folder of frames and events";
 for (int64_t i = 0; i < 3; ++i) {
   const auto image = torch::randint(0, 256, {3, 6, 8}).to(torch::kFloat32) / 255;
   const auto blur_px = 0.5 * static_cast<double>(i);

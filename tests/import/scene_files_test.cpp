@@ -21,7 +21,7 @@ constexpr int64_t kPeriodUs = 30000, kExposureUs = 20000;
 /// Frames of 20 ms every 30 ms; `blur_px` of each.
 import::Capture capture_of(const std::vector<double>& blur_px){import::Capture capture;
 capture.source = "table.zip";
-capture.format = "RPG text folder";
+capture.format = "folder of frames and events";
 std::vector<float> x, y;
 std::vector<int64_t> t;
 std::vector<int8_t> p;

@@ -31,7 +31,7 @@ TEST_CASE("format: recognised by content, whatever the name", "[recording]") {
   CHECK(recognise(dir.write("c.csv", "% t x y p\n1 2 3 1\n")) == Format::kText);
   CHECK(recognise(dir.write("f.csv.gz", io::gzip("t,x,y,p\n0.5,1,2,1\n"))) == Format::kText);
   CHECK(recognise(dir.write("packed/events.txt.gz", io::gzip("0.5 1 2 1\n"))) == Format::kText);
-  CHECK(recognise(dir / "packed") == Format::kRpg);
+  CHECK(recognise(dir / "packed") == Format::kFrameFolder);
   CHECK(recognise(dir.write("f.csv", "\xEF\xBB\xBFt,x,y,p\n0.5,1,2,1\n")) == Format::kText);
   io::write_npy(dir / "g.h5", torch::zeros({1, 4}));
   CHECK(recognise(dir / "g.h5") == Format::kNpy);
@@ -43,9 +43,15 @@ TEST_CASE("format: recognised by content, whatever the name", "[recording]") {
   file.close();
   CHECK(recognise(dir / "i.raw") == Format::kHdf5);
   dir.write("rpg/events.txt", "0.5 1 2 1\n");
-  CHECK(recognise(dir / "rpg") == Format::kRpg);
+  CHECK(recognise(dir / "rpg") == Format::kFrameFolder);
   dir.write("folder/events.npz", "");
   CHECK(recognise(dir / "folder") == Format::kFrameFolder);
+  CHECK(recognise(dir.write("v2e/v2e-dvs-events.txt", "0.5 1 2 1\n").parent_path()) ==
+        Format::kFrameFolder);
+  dir.write("chunk/events/out.npz", "");
+  CHECK(recognise(dir / "chunk") == Format::kFrameFolder);
+  dir.write("chunk/events/more.npz", "");
+  CHECK_THROWS_WITH(recognise(dir / "chunk"), test::naming("neither events nor frames"));
   dir.write("bag/metadata.yaml", "rosbag2_bagfile_information:");
   dir.write("bag/a_0.db3", "");
   CHECK(recognise(dir / "bag") == Format::kRosBag);

@@ -221,6 +221,106 @@ TEST_CASE("recording: a list without names has the times of the frames in their 
   CHECK(found.frames[1].t_start_us == 1100000);
 }
 
+TEST_CASE("recording: names that are times are read as such, and numbers that count are not",
+          "[recording]") {
+  const TempDir dir;
+  std::string said;
+  const auto times_of = [&](const std::vector<std::string>& names) {
+    std::filesystem::remove_all(dir / "rpg");
+    dir.write("rpg/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+    for (const std::string& name : names)
+      imaging::write_image(dir / ("rpg/images/" + name), torch::full({3, 6, 8}, 0.5));
+    const Recording recording = read_recording(dir / "rpg");
+    said = notes_of(recording);
+    std::vector<int64_t> out;
+    for (const Frame& frame : recording.frames) out.push_back(frame.t_start_us);
+    return out;
+  };
+  const std::vector<int64_t> times{1000000, 1100000, 1200000}, none;
+  CHECK(times_of({"1.000000.png", "1.100000.png", "1.200000.png"}) == times);
+  CHECK(times_of({"1000000000.png", "1100000000.png", "1200000000.png"}) == times);
+  CHECK(times_of({"000001000000.png", "000001100000.png", "000001200000.png"}) == times);
+  CHECK(times_of({"1000000.png", "1100000.png", "1200000.png"}) == times);
+  CHECK(times_of({"1000000.png", "1100000.png", "1200000.png", "preview.png"}) == times);
+  CHECK_THAT(said, test::naming("found other names: preview.png"));
+  // Written with as few digits as possible.
+  CHECK(times_of({"0.055.png", "0.17.png", "0.4.png"}) ==
+        std::vector<int64_t>{55000, 170000, 400000});
+  // Since 1970, 3.4 s apart, in s, ms, us and ns.
+  const std::vector<int64_t> slow{1305031102000000, 1305031105400000};
+  CHECK(times_of({"1305031102.0.png", "1305031105.4.png"}) == slow);
+  CHECK(times_of({"1305031102000.png", "1305031105400.png"}) == slow);
+  CHECK(times_of({"1305031102000000.png", "1305031105400000.png"}) == slow);
+  CHECK(times_of({"1305031102000000000.png", "1305031105400000000.png"}) == slow);
+
+  CHECK(times_of({"000.png", "033.png", "066.png"}) == none);
+  CHECK(times_of({"000000000000.png", "000000000001.png", "000000000002.png"}) == none);
+  CHECK(times_of({"00000000.png", "00001000.png", "00002000.png"}) == none);
+  CHECK(times_of({"1.0000.png", "1.0001.png", "1.0002.png"}) == none);
+  CHECK(times_of({"20231114221320055.png", "20231114221320170.png"}) == none);
+  CHECK(times_of({"f1000000.png", "f1100000.png", "f1200000.png"}) == none);
+}
+
+TEST_CASE("recording: lists are those of the recording and its camera", "[recording]") {
+  const TempDir dir;
+  const auto first_us = [&](const std::filesystem::path& folder, const ReadOptions& options = {}) {
+    const Recording recording = read_recording(folder, options);
+    return recording.frames.empty() ? -1 : recording.frames.front().t_start_us;
+  };
+  const auto make = [&](const std::string& name) {
+    dir.write(name + "/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+    write_frames(dir / (name + "/images"), 2);
+    return dir / name;
+  };
+  const auto turn = make("seqs/left_turn");
+  dir.write("seqs/timestamps.txt", "1000000\n1100000\n");
+  CHECK(first_us(turn) == -1);
+  dir.write("seqs/left_turn/timestamps.txt", "1010000\n1110000\n");
+  CHECK(first_us(turn) == 1010000);
+  const auto bright = make("bright_room");
+  dir.write("bright_room/exposure_timestamps_left.txt", "1020000,1030000\n1120000,1130000\n");
+  CHECK(first_us(bright) == 1020000);
+  // A list that the user gives replaces a broken one.
+  dir.write("bright_room/exposures.csv", "nothing\n");
+  CHECK_THROWS_AS(first_us(bright), DataError);
+  ReadOptions given;
+  given.frame_times = dir.write("mine.txt", "1030000\n1130000\n");
+  CHECK(first_us(bright, given) == 1030000);
+
+  const auto named = make("named");
+  dir.write("named/timestamps.txt", "# of the camera\nname,t\nf1.png,1150000\nf0.png,1050000\n");
+  CHECK(first_us(named) == 1050000);
+  const auto kitti = make("kitti");
+  dir.write("kitti/times.txt", "1.06\n1.16\n");
+  CHECK(first_us(kitti) == 1060000);
+  const auto counted = make("counted");
+  dir.write("counted/images.txt",
+            "# id timestamp image_name\n0 1.07 images/f0.png\n1 1.17 images/f1.png\n");
+  CHECK(first_us(counted) == 1070000);
+  const auto colmap = make("colmap");
+  dir.write("colmap/images.txt", "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n");
+  dir.write("colmap/timestamps.txt", "1080000\n1180000\n");
+  CHECK(first_us(colmap) == 1080000);
+}
+
+TEST_CASE("recording: what a folder has but is not read is named", "[recording]") {
+  const TempDir dir;
+  const auto said = [&](const std::string& name) { return notes_of(read_recording(dir / name)); };
+  dir.write("rgb/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+  write_frames(dir / "rgb/rgb", 2);
+  CHECK_THAT(said("rgb"), test::naming("found some in", "rgb/rgb", "--frames"));
+  write_frames(dir / "two/images", 2);
+  dir.write("two/exposures.csv", "f0,1000000,1050000\nf1,1100000,1150000\n");
+  dir.write("two/a_events.txt", "0.9 0 0 1\n");
+  dir.write("two/b_events.txt", "0.9 0 0 1\n");
+  CHECK_THAT(said("two"), test::naming("a_events.txt, b_events.txt", "--frames"));
+  dir.write("two/b_events.txt", "Notes about these events.\n");
+  CHECK(read_recording(dir / "two").events.size() == 1);
+  imaging::write_image(dir / "two/images/Mask.png", torch::ones({3, 6, 8}));
+  CHECK_THAT(said("two"), test::naming("images/Mask.png", "beside their folder"));
+  CHECK(read_recording(dir / "two").frames.size() == 2);
+}
+
 TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[recording]") {
   const TempDir dir;
   const auto raw = write_triggered(dir);

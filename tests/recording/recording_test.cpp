@@ -89,13 +89,13 @@ void zip_folder(const std::filesystem::path& folder, const std::filesystem::path
 
 }  // namespace
 
-TEST_CASE("recording: RPG text folder, frames in order of time, size from the frames",
+TEST_CASE("recording: text folder of RPG, frames in order of time, size from the frames",
           "[recording]") {
   const TempDir dir;
   write_rpg_folder(dir, "rpg");
   const Recording recording = read_recording(dir / "rpg");
   CHECK(recording.source == dir / "rpg");
-  CHECK(recording.format == "RPG text folder");
+  CHECK(recording.format == "folder of frames and events");
   check_rpg(recording);
   CHECK(recording.frames[0].t_start_us == 200);
   CHECK(recording.frames[0].t_end_us == 200);
@@ -341,12 +341,27 @@ TEST_CASE("recording: a zip of the folder, at its root or within a folder", "[re
   for (const std::string prefix : {"", "recording/"}) {
     zip_folder(dir / "rpg", dir / "rpg.zip", prefix);
     const Recording recording = read_recording(dir / "rpg.zip");
-    CHECK(recording.format == "zip of an RPG text folder");
+    CHECK(recording.format == "zip of frames and events");
     check_rpg(recording);
     CHECK(std::filesystem::is_empty(temporary));
     std::filesystem::remove(dir / "rpg.zip");
   }
   unsetenv("TMPDIR");
+}
+
+TEST_CASE("recording: a zip whose frames are in frames/ or beside the events", "[recording]") {
+  const TempDir dir;
+  for (const std::string images : {"frames/", "images_1/", ""}) {
+    std::filesystem::remove_all(dir / "rpg");
+    dir.write("rpg/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+    for (const char* name : {"1000000", "1100000"})
+      imaging::write_image(dir / ("rpg/" + images + name + ".png"), torch::full({3, 6, 8}, 0.5));
+    zip_folder(dir / "rpg", dir / "rpg.zip", "");
+    const Recording recording = read_recording(dir / "rpg.zip");
+    CHECK(recording.frames.size() == 2);
+    CHECK(has_note(recording, (dir / "rpg.zip").string() + (images.empty() ? ":" : "/")));
+    std::filesystem::remove(dir / "rpg.zip");
+  }
 }
 
 TEST_CASE("recording: the EvDeblur layout without poses", "[recording]") {
@@ -394,7 +409,10 @@ TEST_CASE("recording: images.txt of RPG beside a folder of images gives their ti
   const Recording recording = read_recording(dir / "scene");
   REQUIRE(recording.frames.size() == 2);
   CHECK(recording.frames[1].t_start_us == 1500000);
-  CHECK(has_note(recording, "images.txt: holds one time per frame"));
+  CHECK(has_note(recording, "their time is taken as its middle"));
+  CHECK_FALSE(recording.calibration);
+  dir.write("scene/calib.txt", "6 6 4 3 0 0 0 0 0\n");
+  CHECK(read_recording(dir / "scene").calibration->name == "calib.txt");
 }
 
 TEST_CASE("recording: files of events alone, and a window of them", "[recording]") {

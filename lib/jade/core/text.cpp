@@ -14,6 +14,10 @@ std::string in_small_letters(std::string text) {
   return text;
 }
 
+bool has_ending(std::string_view text, std::string_view ending) {
+  return text.size() >= ending.size() && text.substr(text.size() - ending.size()) == ending;
+}
+
 std::string listing(const std::vector<std::string>& names, size_t most) {
   std::string text;
   const size_t shown = std::min(names.size(), most);

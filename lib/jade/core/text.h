@@ -2,12 +2,15 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace jade {
 
 /// In lower case; letters beyond ASCII stay.
 std::string in_small_letters(std::string text);
+
+bool has_ending(std::string_view text, std::string_view ending);
 
 /// The names as a list: "a, b", or "a and 3 more" for more than `most` of them.
 std::string listing(const std::vector<std::string>& names, size_t most = 8);

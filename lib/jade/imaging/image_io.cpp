@@ -2,8 +2,10 @@
 #include "jade/imaging/image_io.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <fstream>
+#include <numeric>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <string>
@@ -336,6 +338,32 @@ bool comes_before(const std::string& name, const std::string& other) {
   return order != 0 ? order < 0 : name < other;  // 01 and 1 are the same number
 }
 
+bool is_image_file(const std::filesystem::path& path) {
+  return is_image_extension(extension(path));
+}
+
+namespace {
+
+/// The numbers that all names are, with a decimal point each, if no two are equal; else empty.
+std::vector<double> fractions_in_names(const std::vector<fs::path>& files) {
+  std::vector<double> out;
+  for (const fs::path& file : files) {
+    const std::string name = file.stem().string();
+    double value = 0;
+    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), value);
+    if (error != std::errc() || end != name.data() + name.size() ||
+        name.find('.') == std::string::npos)
+      return {};
+    out.push_back(value);
+  }
+  std::vector<double> sorted = out;
+  std::sort(sorted.begin(), sorted.end());
+  if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) return {};
+  return out;
+}
+
+}  // namespace
+
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder) {
   std::error_code error;
   std::vector<fs::path> out;
@@ -344,7 +372,7 @@ std::vector<std::filesystem::path> list_images(const std::filesystem::path& fold
     // "._00.png" contains 00.png's attributes, written by macOS on other file systems.
     if (entry->path().filename().string()[0] == '.') continue;
     std::error_code ignored;  // of links that lead nowhere
-    if (is_image_extension(extension(entry->path())) && entry->is_regular_file(ignored)) {
+    if (is_image_file(entry->path()) && entry->is_regular_file(ignored)) {
       out.push_back(entry->path());
     }
   }
@@ -353,7 +381,13 @@ std::vector<std::filesystem::path> list_images(const std::filesystem::path& fold
   std::sort(out.begin(), out.end(), [](const fs::path& a, const fs::path& b) {
     return comes_before(a.filename().string(), b.filename().string());
   });
-  return out;
+  const std::vector<double> values = fractions_in_names(out);
+  std::vector<size_t> order(values.size());
+  std::iota(order.begin(), order.end(), size_t(0));
+  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return values[a] < values[b]; });
+  std::vector<fs::path> by_value;
+  for (const size_t i : order) by_value.push_back(out[i]);
+  return values.empty() ? out : by_value;
 }
 
 }  // namespace jade::imaging

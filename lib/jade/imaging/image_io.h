@@ -51,8 +51,12 @@ std::vector<uint8_t> encode_jpeg(const torch::Tensor& image, int quality);
 /// and data sets use it.
 bool comes_before(const std::string& name, const std::string& other);
 
+/// Whether the file's extension is that of an image that read_image() reads, except `.npy`.
+bool is_image_file(const std::filesystem::path& path);
+
 /// Image files directly in `folder` (extensions of read_image, except `.npy`), without hidden ones,
-/// in that order.
+/// in that order. Names that all are numbers with a decimal point are in the order of their values:
+/// 0.17 before 0.4.
 /// @throws DataError naming the folder if it is missing.
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);
 

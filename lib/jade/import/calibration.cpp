@@ -220,4 +220,15 @@ geometry::LensCamera camera_of(const Calibration& calibration, size_t index, int
   return {pinhole, camera.lens};
 }
 
+std::string calibration_fault(const std::filesystem::path& path) {
+  try {
+    read_calibration(path);
+    return "";
+  } catch (const DataError& error) {
+    std::string line = error.what();
+    if (line.rfind(path.string(), 0) == 0) line.erase(0, path.string().size());
+    return line.substr(0, line.find("; "));
+  }
+}
+
 }  // namespace jade::import

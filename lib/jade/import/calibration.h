@@ -39,6 +39,10 @@ struct Calibration {
 /// @throws DataError: one line with the path, what was expected, what was found.
 Calibration read_calibration(const std::filesystem::path& path);
 
+/// The error of read_calibration() behind the path and without the remedy: ": expected …, found …";
+/// empty for a calibration that can be read.
+std::string calibration_fault(const std::filesystem::path& path);
+
 /// The camera at `index` for pictures of this size.
 /// @param what  for the message: "frames", "events"
 /// @throws DataError if the calibration is for another size, or its principal point lies outside.

@@ -14,6 +14,7 @@
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/unread_images.h"
 #include "jade/import/bad_frames.h"
+#include "jade/import/calibration.h"
 #include "jade/import/exposure_length.h"
 #include "jade/import/frame_masks.h"
 #include "jade/import/hot_pixels.h"
@@ -147,11 +148,17 @@ void check_given_exposure(const TimeOptions& options, const Capture& capture) {
                            "; leave it out to have the length found"));
 }
 
-/// Copies a calibration found beside the recording into the stage's folder.
+/// Copies a calibration found beside the recording into the stage's folder, if it can be read.
 void keep_calibration(const fs::path& folder, const recording::Recording& recording) {
   if (!recording.calibration) return;
-  make_writable_folder(folder / "calibration");
-  write_file(folder / "calibration" / recording.calibration->name, recording.calibration->text);
+  const fs::path copy = folder / "calibration" / recording.calibration->name;
+  make_writable_folder(copy.parent_path());
+  write_file(copy, recording.calibration->text);
+  const std::string fault = calibration_fault(copy);
+  if (fault.empty()) return;
+  fs::remove(copy);
+  log_warn(concat((recording.source / recording.calibration->name).string(), fault,
+                  "; it is not used: give another with --calibration"));
 }
 
 /// Assigns the masks stored with the frames: alpha, masks/ and mask.png. Pixels excluded in every

@@ -46,11 +46,6 @@ constexpr Packer kPackers[] = {{"\x1f\x8b", "gzip", "gunzip -k ", ".gz"},
                                {"7z\xBC\xAF", "7-Zip", "7z x ", ".7z"},
                                {"Rar!", "RAR", "unrar x ", ".rar"}};
 
-bool has_ending(const std::string& name, std::string_view ending) {
-  return name.size() > ending.size() &&
-         name.compare(name.size() - ending.size(), ending.size(), ending) == 0;
-}
-
 /// For a file of one of kPackers, or an archive of tar; else empty.
 std::string packed(std::string_view head, const std::string& name) {
   constexpr size_t kTarMark = 257;

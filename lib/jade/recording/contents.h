@@ -58,8 +58,7 @@ struct Contents {
   std::shared_ptr<TemporaryFolder> keep;  ///< folder of the files, if it is temporary
 };
 
-Contents read_rpg(const std::filesystem::path& folder, const ReadOptions& options);
-Contents read_rpg_zip(const std::filesystem::path& path, const ReadOptions& options);
+Contents read_zip(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_event_folder(const std::filesystem::path& folder, const ReadOptions& options);
 Contents read_evt(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_dat(const std::filesystem::path& path, const ReadOptions& options);
@@ -102,6 +101,17 @@ void check_apart(const std::filesystem::path& list, const std::vector<FrameFile>
 /// @throws DataError if one cannot be read, they differ in size, or they do not fit into memory.
 void read_frames(std::vector<FrameFile> files, Recording& recording);
 
+/// A mask for all frames beside them, not a frame.
+bool is_mask_of_all(const std::filesystem::path& image);
+
+/// The images of a folder, with the times of the first list that it or `root` has: exposures.csv,
+/// timestamps.npz, images.txt, which also says which images, those of add_frame_list(), or the
+/// names. Without these, and with options.frame_times, images have no times.
+/// @param images,root  as for add_frame_list(); empty images: only those of images.txt
+std::vector<FrameFile> timed_images(const std::filesystem::path& images,
+                                    const std::filesystem::path& root, const ReadOptions& options,
+                                    Recording& recording);
+
 /// Replaces the recording's frames by the images of a folder or the frames of a video. A folder may
 /// contain exposures.csv, images.txt or timestamps.npz; frames of a video have its own clock, which
 /// starts at 0.
@@ -113,8 +123,8 @@ void replace_frames(const std::filesystem::path& path, const ReadOptions& option
 void note_respelled(const std::filesystem::path& list, const std::vector<std::string>& names,
                     std::vector<std::string>& notes);
 
-/// Warns of images/ in the folder of a recording if it has no images, and names the folder below
-/// it that has some, or files of another kind.
+/// Warns if a recording's folder has images only in a folder below it that is not read, or files of
+/// another kind.
 void warn_of_no_images(const std::filesystem::path& folder, Recording& recording);
 
 /// Reads images.txt: one line per image with a time and a path, which may have blanks. Times are in
@@ -130,12 +140,26 @@ void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
 
 /// Assigns the times of a list of numbers that DSEC, EDS or TUM-VIE have beside the frames, one
 /// line per frame in the order of names; of a part of the frames, each has the line of its number.
-/// Times are in us, or in the unit in which frames are 0.2 ms to 2 s apart, with a note. False if
-/// there is no such list.
+/// Times are in us, or in the unit in which frames are 0.2 ms to 2 s apart, with a note. Without
+/// a list, names that are times, as those of TUM's and EuRoC's frames. False if there are neither.
 /// @param images  their folder
+/// @param root    the recording's folder, above which no list is searched; empty: no limit
 /// @throws DataError naming the list and its line, or the frame without one.
-bool add_frame_list(const std::filesystem::path& images, const ReadOptions& options,
-                    std::vector<FrameFile>& files, Recording& recording);
+bool add_frame_list(const std::filesystem::path& images, const std::filesystem::path& root,
+                    const ReadOptions& options, std::vector<FrameFile>& files,
+                    Recording& recording);
+
+/// The number that a word is; no value for other words.
+std::optional<double> number_in(const std::string& word);
+
+/// The unit in which times of frames are since 1970 or, as a second choice, 0.2 ms to 2 s apart.
+std::optional<events::TimeUnit> likely_unit(const std::vector<double>& times);
+
+/// Assigns the times that names of frames are: numbers since 1970, with a decimal point, or far
+/// apart. Frames with other names, a tenth at most, are left out with a warning. False if names are
+/// no times.
+bool add_times_of_names(const std::filesystem::path& images, const ReadOptions& options,
+                        std::vector<FrameFile>& files, Recording& recording);
 
 /// Assigns the times of a list without names. A line has a frame's time, its number and time, or
 /// the start and end of its exposure; order and units as in add_frame_list(). False if the list has

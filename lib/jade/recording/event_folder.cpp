@@ -2,12 +2,15 @@
 #include "jade/recording/event_folder.h"
 
 #include <algorithm>
+#include <fstream>
+#include <initializer_list>
 #include <sstream>
 #include <string>
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
 #include "jade/io/stand_in.h"
@@ -22,46 +25,99 @@ using events::TimeUnit;
 /// Description file in folders written by scripts/read_recording.py.
 constexpr const char* kDescription = "recording.txt";
 
-constexpr const char* kTextNames[] = {"events.txt", "events.txt.gz"};
-constexpr const char* kOtherNames[] = {
-    "events.h5",  "events.hdf5", "events/events.h5", "events/left/events.h5", "events_left.h5",
-    "events.npz", "events.npy",  "events.csv",       "events.csv.gz",         "events.raw"};
+/// Usual names of the events, those of two cameras with the left one; text first.
+constexpr const char* kEventNames[] = {
+    "events.txt",     "events.txt.gz",    "events.h5",
+    "events.hdf5",    "events/events.h5", "events/left/events.h5",
+    "events_left.h5", "events.npz",       "events.npy",
+    "events.csv",     "events.csv.gz",    "events.raw"};
 
-/// The file of the events; with two cameras that of the left one.
-fs::path events_in(const fs::path& folder) {
-  for (const char* name : kOtherNames) {
-    if (fs::is_regular_file(folder / name)) return folder / name;
+bool has_ending_of(const std::string& name, std::initializer_list<const char*> endings) {
+  return std::any_of(endings.begin(), endings.end(),
+                     [&](const char* ending) { return has_ending(name, ending); });
+}
+
+/// Whether a text file's first line of numbers has four: t, x, y, p. Packed ones may.
+bool lists_events(const fs::path& path) {
+  if (path.extension() == ".gz") return true;
+  constexpr int kMostLines = 100;
+  std::ifstream text(path);
+  std::string line;
+  for (int i = 0; i < kMostLines && std::getline(text, line); ++i) {
+    std::replace_if(
+        line.begin(), line.end(), [](char c) { return c == ',' || c == ';'; }, ' ');
+    std::istringstream words(line);
+    std::vector<std::string> all;
+    for (std::string word; words >> word;) all.push_back(word);
+    if (all.empty() || !number_in(all[0])) continue;
+    return all.size() >= 4 && std::all_of(all.begin(), all.begin() + 4, [](const auto& word) {
+             return number_in(word).has_value();
+           });
   }
-  // TUM-VIE: SEQUENCE-events_left.h5
-  fs::path out;
+  return false;
+}
+
+/// Files of events in a folder, sorted; arrays, or text where there are none.
+/// @param word  which their names have, in small letters; empty: any
+std::vector<fs::path> event_files_in(const fs::path& folder, const std::string& word) {
+  std::vector<fs::path> arrays, text;
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
-    const std::string name = entry->path().filename().string();
-    constexpr const char* kLeft = "-events_left.h5";
-    const size_t at = name.rfind(kLeft);
-    if (name[0] == '.' || at == std::string::npos || name.substr(at) != kLeft) continue;
-    if (!out.empty()) return {};
-    out = entry->path();
+    const std::string name = in_small_letters(entry->path().filename().string());
+    std::error_code ignored;
+    if (name[0] == '.' || name.find(word) == std::string::npos || has_ending(name, "_right.h5") ||
+        !entry->is_regular_file(ignored))
+      continue;
+    if (has_ending_of(name, {".h5", ".hdf5", ".npz", ".npy", ".raw"})) {
+      arrays.push_back(entry->path());
+    } else if (has_ending_of(name, {".txt", ".txt.gz", ".csv", ".csv.gz"}) &&
+               lists_events(entry->path())) {
+      text.push_back(entry->path());
+    }
   }
+  std::vector<fs::path>& out = arrays.empty() ? text : arrays;
+  std::sort(out.begin(), out.end());
   return out;
 }
 
-fs::path images_in(const fs::path& folder) {
-  for (const char* name : {"images_1", "images", "frames", "images/left/rectified",
-                           "images/left/distorted", "left_images"}) {
-    if (fs::is_directory(folder / name) && !imaging::list_images(folder / name).empty())
-      return folder / name;
+/// The file of the events: one of the usual names, else the only one whose name says so.
+fs::path events_in(const fs::path& folder) {
+  for (const char* name : kEventNames) {
+    std::error_code ignored;
+    if (fs::is_regular_file(folder / name, ignored)) return folder / name;
+  }
+  for (const auto& [where, word] :
+       {std::pair(folder, "events"), std::pair(folder / "events", "")}) {
+    const std::vector<fs::path> files = event_files_in(where, word);
+    if (files.size() == 1) return files.front();
+    if (!files.empty()) return {};
   }
   return {};
 }
 
-/// A file in the folder of the images or its parent; empty if there is none.
-fs::path beside_images(const fs::path& folder, const fs::path& images, const char* name) {
-  for (const fs::path& path : {images / name, folder / name}) {
-    if (fs::is_regular_file(path)) return path;
+bool is_text(const fs::path& events) {
+  const std::string name = events.filename().string();
+  return has_ending(name, ".txt") || has_ending(name, ".txt.gz");
+}
+
+/// Folder of the images: one of the usual names, or the recording's own if no folder in it has
+/// images. Empty without images.
+fs::path images_in(const fs::path& folder) {
+  const auto has_images = [](const fs::path& path) {
+    return fs::is_directory(path) && !imaging::list_images(path).empty();
+  };
+  for (const char* name : {"images_1", "images", "frames", "images/left/rectified",
+                           "images/left/distorted", "left_images"}) {
+    if (has_images(folder / name)) return folder / name;
   }
-  return {};
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (in_small_letters(entry->path().filename().string()) != "masks" && has_images(entry->path()))
+      return {};
+  }
+  return has_images(folder) ? folder : fs::path();
 }
 
 /// The first line is "format …"; other files of this name are the user's notes.
@@ -136,6 +192,28 @@ void describe(const fs::path& folder, const ReadOptions& options, Contents& cont
   if (contents.read_events) contents.read_events = moved(contents.read_events, offset_us);
 }
 
+/// Warns of files of events beside the one that is read.
+void warn_of_other_events(const fs::path& folder, const fs::path& read, Recording& recording) {
+  std::vector<std::string> others;
+  for (const char* name : kEventNames) {
+    std::error_code ignored;
+    if (folder / name != read && fs::is_regular_file(folder / name, ignored))
+      others.emplace_back(name);
+  }
+  if (others.empty()) return;
+  recording.warnings.push_back(concat(
+      folder.string(), ": expected one file of events, found ", listing(others), " beside ",
+      read.lexically_relative(folder).string(), ", which is read; remove those that do not count"));
+}
+
+/// A calibration in the folder of the recording.
+std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
+  for (const char* name : {"camchain.yaml", "calibration.yaml", "calib.txt"}) {
+    if (fs::is_regular_file(folder / name)) return CalibrationFile{name, read_file(folder / name)};
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 void add_npz_times(const fs::path& path, TimeUnit wanted, std::vector<FrameFile>& files,
@@ -174,35 +252,32 @@ void add_npz_times(const fs::path& path, TimeUnit wanted, std::vector<FrameFile>
 
 bool is_event_folder(const fs::path& folder) {
   if (!events_in(folder).empty()) return true;
-  for (const char* name : {"images_1", "images"}) {
-    if (!beside_images(folder, folder / name, "timestamps.npz").empty() ||
-        !beside_images(folder, folder / name, "exposures.csv").empty())
-      return true;
+  for (const char* name : {"timestamps.npz", "exposures.csv"}) {
+    for (const char* images : {"images_1", "images", ""}) {
+      if (fs::is_regular_file(folder / images / name)) return true;
+    }
   }
   return false;
 }
 
-fs::path text_events_in(const fs::path& folder) {
-  for (const char* name : kTextNames) {
-    std::error_code ignored;
-    if (fs::is_regular_file(folder / name, ignored)) return folder / name;
+std::vector<std::string> unfound_events(const fs::path& folder) {
+  std::vector<std::string> out;
+  std::error_code error;
+  for (const fs::path& where : {folder, folder / "events", folder / "events_left"}) {
+    for (const fs::path& path : event_files_in(where, "")) {
+      if (path.filename() != "timestamps.npz" && path.filename() != "exposures.csv")
+        out.push_back(path.lexically_relative(folder).string());
+    }
   }
-  return {};
-}
-
-void warn_of_other_events(const fs::path& folder, const fs::path& read, Recording& recording) {
-  std::string others;
-  const auto add = [&](const char* name) {
-    std::error_code ignored;
-    if (folder / name == read || !fs::is_regular_file(folder / name, ignored)) return;
-    others += concat(others.empty() ? "" : ", ", name);
-  };
-  for (const char* name : kTextNames) add(name);
-  for (const char* name : kOtherNames) add(name);
-  if (others.empty()) return;
-  recording.warnings.push_back(concat(folder.string(), ": expected one file of events, found ",
-                                      others, " beside ", read.lexically_relative(folder).string(),
-                                      ", which is read; remove those that do not count"));
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    if (name[0] != '.' && has_ending_of(in_small_letters(name),
+                                        {".aedat", ".aedat4", ".bag", ".mcap", ".dat", ".zip"}))
+      out.push_back(name);
+  }
+  std::sort(out.begin(), out.end());
+  return out;
 }
 
 std::vector<std::string> packed_files(const fs::path& folder) {
@@ -214,7 +289,7 @@ std::vector<std::string> packed_files(const fs::path& folder) {
     std::error_code ignored;
     if (path.filename().string()[0] == '.' || !entry->is_regular_file(ignored)) continue;
     const fs::path kind = path.extension();
-    const bool is_read = path == text_events_in(folder) || path == events_in(folder);
+    const bool is_read = path == events_in(folder);
     for (const char* ending : {".gz", ".tgz", ".bz2", ".xz", ".zst", ".7z", ".rar", ".tar"}) {
       if (kind != ending || is_read) continue;
       const std::string found = io::stand_in(path);
@@ -244,29 +319,23 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
   Recording& recording = out.recording;
   recording.format = "folder of frames and events";
   recording.stamp = options.stamp.value_or(Stamp::kMiddle);
+  recording.calibration = find_calibration(folder);
   const fs::path images = images_in(folder);
-  if (!images.empty()) {
-    for (const fs::path& file : imaging::list_images(images)) out.files.push_back({file, {}});
-    if (const auto list = beside_images(folder, images, "exposures.csv"); !list.empty()) {
-      apply_exposures(list, read_exposures(list), out.files, recording);
-    } else if (const auto npz = beside_images(folder, images, "timestamps.npz"); !npz.empty()) {
-      add_npz_times(npz, options.time_unit, out.files, recording);
-    } else if (const auto lines = beside_images(folder, images, "images.txt");
-               !lines.empty() && !fs::exists(lines.parent_path() / "cameras.txt")) {
-      out.files = listed_images(lines, recording);
-      recording.notes.push_back(concat(lines.string(),
-                                       ": holds one time per frame in seconds; it is taken as the ",
-                                       word_of(recording.stamp), " of the exposure"));
-    } else {
-      add_frame_list(images, options, out.files, recording);
-    }
-  }
-  if (images.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
+  out.files = timed_images(images, folder, options, recording);
+  if (out.files.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
   const fs::path events = events_in(folder);
+  if (const auto others = unfound_events(folder); events.empty() && !others.empty()) {
+    recording.warnings.push_back(
+        concat(folder.string(), ": expected one file of events, found ", listing(others),
+               "; give that of the events: ", (folder / others.front()).string(), " --frames ",
+               (images.empty() ? folder : images).string()));
+  }
   if (!events.empty()) {
-    // With frames of another source, the offset refers to their clock, not to this folder's.
+    // With frames of another source, the offset refers to their clock, not to this folder's. Lists
+    // in text may have a clock of their own, which the import finds.
     const int64_t ahead_us = options.frames.empty() ? options.near_frames_ahead_us.value_or(0) : 0;
-    out.read_events = events_of(events, options, span_of(out.files, ahead_us), recording);
+    const auto exposures = is_text(events) ? std::nullopt : span_of(out.files, ahead_us);
+    out.read_events = events_of(events, options, exposures, recording);
     warn_of_other_events(folder, events, recording);
   }
   if (described) describe(folder, options, out);

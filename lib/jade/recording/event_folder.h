@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Folders with frames, their times and a file of events, such as the EvDeblur layout without poses
-// or the output of scripts/read_recording.py, which also has recording.txt and triggers.csv.
+// Folders with frames, their times and a file of events: the text layout of RPG Zurich, DSEC,
+// TUM-VIE, the EvDeblur layout without poses, or the output of scripts/read_recording.py, which
+// also has recording.txt and triggers.csv.
 #pragma once
 
 #include <filesystem>
@@ -9,19 +10,13 @@
 
 namespace jade::recording {
 
-struct Recording;
-
-/// True if a folder contains events.h5 (or .hdf5, .npz, .npy, .csv, .raw; events/left/events.h5 of
-/// DSEC, SEQUENCE-events_left.h5 of TUM-VIE), or images_1/ or images/ with timestamps.npz or
-/// exposures.csv.
+/// True if a folder has events (a file of a usual name, or the only one with "events" in its name
+/// or in events/), or images_1/ or images/ with timestamps.npz or exposures.csv.
 bool is_event_folder(const std::filesystem::path& folder);
 
-/// events.txt or events.txt.gz of a folder; empty if there is none.
-std::filesystem::path text_events_in(const std::filesystem::path& folder);
-
-/// Warns of files of events in a folder beside the one that is read.
-void warn_of_other_events(const std::filesystem::path& folder, const std::filesystem::path& read,
-                          Recording& recording);
+/// Files that may have the events of a folder without one of a usual name: arrays, text, and those
+/// of cameras, sorted.
+std::vector<std::string> unfound_events(const std::filesystem::path& folder);
 
 /// For each compressed file of a folder that no reader unpacks: its name, and the command that does
 /// ("events.txt.xz, a file that xz compressed; …"), sorted.

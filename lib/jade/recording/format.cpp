@@ -21,7 +21,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kReadable =
-    "expected a recording (Prophesee .raw or .dat, RPG text folder or .zip, HDF5, .npz, .npy, "
+    "expected a recording (Prophesee .raw or .dat, folder of frames and events or its .zip, HDF5, "
+    ".npz, .npy, "
     "text, .aedat, .aedat4, ROS bag)";
 
 bool begins(const std::string& head, const std::string& with) {
@@ -58,11 +59,9 @@ bool is_text(const std::string& head) {
 
 Format zip_format(const fs::path& path) {
   const io::Zip archive(path);
-  const auto ends = [&](const std::string& tail) {
-    return std::any_of(archive.names().begin(), archive.names().end(), [&](const auto& name) {
-      return name.size() >= tail.size() &&
-             name.compare(name.size() - tail.size(), tail.size(), tail) == 0;
-    });
+  const auto ends = [&](const char* tail) {
+    return std::any_of(archive.names().begin(), archive.names().end(),
+                       [&](const auto& name) { return has_ending(name, tail); });
   };
   if (ends("events.txt")) return Format::kZip;
   if (ends(".npy")) return Format::kNpz;
@@ -150,15 +149,16 @@ Format recognise(const fs::path& path) {
   if (!fs::exists(path, ignored))
     throw DataError(concat(path.string(), ": no such file or folder"));
   if (!fs::is_directory(path, ignored)) return file_format(path);
-  if (!text_events_in(path).empty()) return Format::kRpg;
+  if (is_event_folder(path)) return Format::kFrameFolder;
   if (fs::is_regular_file(path / "metadata.yaml", ignored) && holds_bag(path))
     return Format::kRosBag;
-  if (is_event_folder(path)) return Format::kFrameFolder;
-  const std::vector<std::string> packed = packed_files(path);
+  std::vector<std::string> inside = packed_files(path);
+  if (inside.empty()) inside = unfound_events(path);
   throw DataError(
       concat(path.string(), ": ", kReadable,
              ", found a folder with neither events nor frames that have times",
-             packed.empty() ? "; give the file in it" : concat(", but ", packed.front())));
+             inside.empty() ? "; give the file in it" : concat(", but ", listing(inside)),
+             packed_files(path).empty() && !inside.empty() ? "; give that of the events" : ""));
 }
 
 bool is_recording(const fs::path& path) {

@@ -8,26 +8,13 @@
 namespace jade::recording {
 
 /// Format of a recording on disk.
-enum class Format {
-  kEvt,
-  kDat,
-  kRpg,
-  kFrameFolder,
-  kZip,
-  kHdf5,
-  kNpz,
-  kNpy,
-  kText,
-  kAedat,
-  kRosBag
-};
+enum class Format { kEvt, kDat, kFrameFolder, kZip, kHdf5, kNpz, kNpy, kText, kAedat, kRosBag };
 
 constexpr auto words_of(Format) {
   return std::array{Word{"Prophesee EVT", Format::kEvt},
                     Word{"Prophesee DAT", Format::kDat},
-                    Word{"RPG text folder", Format::kRpg},
                     Word{"folder of frames and events", Format::kFrameFolder},
-                    Word{"zip of an RPG text folder", Format::kZip},
+                    Word{"zip of frames and events", Format::kZip},
                     Word{"HDF5", Format::kHdf5},
                     Word{"npz", Format::kNpz},
                     Word{"npy", Format::kNpy},

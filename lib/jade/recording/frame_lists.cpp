@@ -4,7 +4,8 @@
 //   DSEC     images/left/exposure_timestamps.txt "start, end", images/timestamps.txt, both in us;
 //            downloaded as SEQUENCE_image_exposure_timestamps_left.txt,
 //            SEQUENCE_image_timestamps.txt
-//   EDS      images_timestamps.txt in us, times.txt "number seconds milliseconds" as DSO reads it
+//   EDS      images_timestamps.txt in us, times.txt "number seconds milliseconds" as DSO reads it;
+//            KITTI's times.txt has the seconds only
 //   TUM-VIE  left_images/image_timestamps_left.txt, image_exposures_left.txt, both in us
 #include <algorithm>
 #include <charconv>
@@ -15,6 +16,7 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/io/text.h"
 #include "jade/recording/contents.h"
 
@@ -35,35 +37,46 @@ struct NumberList {
 
 std::string file_name(const FrameFile& file) { return file.path.filename().string(); }
 
-bool has_ending(const std::string& name, const std::string& ending) {
-  return name.size() >= ending.size() &&
-         name.compare(name.size() - ending.size(), ending.size(), ending) == 0;
+/// The words of a folder's name: "SEQUENCE_images_left" has three.
+std::vector<std::string> name_words(const fs::path& folder) {
+  std::string name = in_small_letters(folder.filename().string());
+  std::replace_if(
+      name.begin(), name.end(), [](char c) { return c == '_' || c == '-' || c == '.'; }, ' ');
+  std::istringstream text(name);
+  std::vector<std::string> words;
+  for (std::string word; text >> word;) words.push_back(word);
+  return words;
 }
 
 /// "left" or "right": the camera whose frames a folder has.
 std::string side_of(const fs::path& images) {
   const fs::path whole = fs::absolute(images).lexically_normal();
   for (const fs::path& part : {whole, whole.parent_path()}) {
-    if (part.filename().string().find("right") != std::string::npos) return "right";
+    const std::vector<std::string> words = name_words(part);
+    if (std::find(words.begin(), words.end(), "right") != words.end()) return "right";
   }
   return "left";
 }
 
-/// Folders that may have lists: that of the images and, if its name is one of the layouts', those
-/// above it.
-std::vector<fs::path> folders_of(const fs::path& images) {
-  const fs::path own = fs::absolute(images).lexically_normal();
-  std::vector<fs::path> out{own.has_filename() ? own : own.parent_path()};
-  const auto is_named = [&](const std::string& part) {
-    return out.back().filename().string().find(part) != std::string::npos;
+/// Folders that may have lists: that of the images and, where names end as those of the layouts,
+/// the two above it.
+/// @param root  none above this one; empty: no limit
+std::vector<fs::path> folders_of(const fs::path& images, const fs::path& root) {
+  const auto whole = [](const fs::path& folder) {
+    const fs::path path = fs::absolute(folder).lexically_normal();
+    return path.has_filename() ? path : path.parent_path();
   };
-  for (const char* part : {"image", "frame", "rectified", "distorted", "left", "right"}) {
-    if (!is_named(part)) continue;
+  std::vector<fs::path> out{whole(images)};
+  while (out.size() < 3 && (root.empty() || out.back() != whole(root))) {
+    const std::vector<std::string> words = name_words(out.back());
+    const auto ends_as = [&](const char* word) { return !words.empty() && words.back() == word; };
+    const bool is_part = out.back().filename() == "images_1" || ends_as("image") ||
+                         ends_as("images") || ends_as("frame") || ends_as("frames") ||
+                         ends_as("rectified") || ends_as("distorted") || ends_as("left") ||
+                         ends_as("right");
+    if (!is_part) break;
     out.push_back(out.back().parent_path());
-    break;
   }
-  if (out.size() == 2 && (is_named("left") || is_named("right")))
-    out.push_back(out.back().parent_path());
   return out;
 }
 
@@ -92,14 +105,6 @@ fs::path find_list(const std::vector<fs::path>& folders, const std::vector<std::
                            names.front()));
   }
   return {};
-}
-
-std::optional<double> number_in(const std::string& word) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(value))
-    return std::nullopt;
-  return value;
 }
 
 /// The numbers of a line, separated by blanks, semicolons or tabs, else by commas. No value for
@@ -157,12 +162,14 @@ NumberList read_list(const fs::path& path, size_t least, size_t most) {
   if (path.empty()) return list;
   std::istringstream text(io::read_text(path));
   int64_t number = 0;
+  bool is_first = true;
   for (std::string line; std::getline(text, line);) {
     ++number;
     const auto first = line.find_first_not_of(" \t\r");
     if (first == std::string::npos || line[first] == '#') continue;
     const std::optional<Row> row = numbers_of(line);
-    const bool is_header = !row && list.rows.empty() && number == 1;
+    const bool is_header = !row && is_first;
+    is_first = false;
     if (is_header) continue;
     const size_t wanted = list.rows.empty() ? least : list.rows.front().size();
     if (!row || row->size() < wanted || row->size() > (list.rows.empty() ? most : wanted)) {
@@ -206,30 +213,13 @@ std::vector<Row> rows_of(const NumberList& list, const std::vector<FrameFile>& f
   return out;
 }
 
-/// The unit of such times: microseconds, unless frames would be less than 0.2 ms or more than 2 s
-/// apart. Fractions say nothing, as some have fractions of a microsecond.
-TimeUnit unit_of(const std::vector<double>& times) {
-  constexpr double kShortestUs = 200, kLongestUs = 2e6;
-  std::vector<double> steps;
-  for (size_t i = 1; i < times.size(); ++i) steps.push_back(std::abs(times[i] - times[i - 1]));
-  if (steps.empty()) return TimeUnit::kUs;
-  const auto middle = steps.begin() + std::ptrdiff_t(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  for (const TimeUnit unit : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS, TimeUnit::kMs}) {
-    const double step_us = *middle * events::us_per_unit(unit);
-    if (times.back() > events::kOnlyNs && unit != TimeUnit::kNs) continue;
-    if (step_us >= kShortestUs && step_us <= kLongestUs) return unit;
-  }
-  return TimeUnit::kUs;
-}
-
 /// Times in us of one column.
 std::vector<int64_t> column_us(const std::vector<Row>& rows, size_t column, TimeUnit unit,
                                const fs::path& list, std::vector<std::string>& notes) {
   std::vector<double> times;
   for (const Row& row : rows) times.push_back(row[column]);
   if (unit == TimeUnit::kAuto) {
-    unit = unit_of(times);
+    unit = likely_unit(times).value_or(TimeUnit::kUs);
     if (unit != TimeUnit::kUs) {
       notes.push_back(concat(list.string(),
                              ": expected times in us, found frames too far apart or ",
@@ -272,16 +262,26 @@ bool add_spans(const std::vector<fs::path>& folders, const std::string& side, Ti
 /// Whether the first line of a list has one or two numbers and nothing else.
 bool has_no_names(const fs::path& path) {
   std::istringstream text(io::read_text(path));
-  bool first = true;
-  for (std::string line; std::getline(text, line); first = false) {
+  bool is_first = true;
+  for (std::string line; std::getline(text, line);) {
     const auto begin = line.find_first_not_of(" \t\r");
     if (begin == std::string::npos || line[begin] == '#') continue;
     const std::optional<Row> row = numbers_of(line);
-    if (!row && first) continue;
+    const bool is_header = !row && is_first;
+    is_first = false;
+    if (is_header) continue;
     return row && (row->size() == 1 || row->size() == 2) &&
            line.find_first_not_of("0123456789.,;+-eE \t\r") == std::string::npos;
   }
   return false;
+}
+
+/// Whether the first line of a list is a header that names a time.
+bool has_column_of_times(const fs::path& path) {
+  std::istringstream text(io::read_text(path));
+  std::string header;
+  std::getline(text, header);
+  return in_small_letters(header).find("time") != std::string::npos;
 }
 
 /// Lengths of the exposures, in us.
@@ -333,6 +333,14 @@ void note_single_times(const fs::path& list, Recording& recording) {
 
 }  // namespace
 
+std::optional<double> number_in(const std::string& word) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(value))
+    return std::nullopt;
+  return value;
+}
+
 bool apply_numbers(const fs::path& path, const ReadOptions& options, std::vector<FrameFile>& files,
                    Recording& recording) {
   if (!has_no_names(path)) return false;
@@ -357,15 +365,16 @@ bool apply_named_times(const fs::path& path, const ReadOptions& options,
   std::vector<Row> times;
   std::set<std::string> names;
   int64_t number = 0;
+  bool is_first = true;
   for (std::string line; std::getline(text, line);) {
     ++number;
     const auto first = line.find_first_not_of(" \t\r");
     if (first == std::string::npos || line[first] == '#') continue;
     const auto found = named_time_of(line);
-    if (!found && named.empty()) {
-      if (number > 1) return false;
-      continue;  // a header
-    }
+    const bool is_header = !found && is_first;
+    if (!found && named.empty() && !is_first) return false;
+    is_first = false;
+    if (is_header) continue;
     if (!found || !names.insert(found->name).second) {
       throw DataError(concat(path.string(), ":", number, ": expected one time and the name of ",
                              found ? "another frame" : "a frame", ", found '", line.substr(0, 60),
@@ -382,23 +391,33 @@ bool apply_named_times(const fs::path& path, const ReadOptions& options,
   return true;
 }
 
-bool add_frame_list(const fs::path& images, const ReadOptions& options,
+bool add_frame_list(const fs::path& images, const fs::path& root, const ReadOptions& options,
                     std::vector<FrameFile>& files, Recording& recording) {
   if (files.empty()) return false;
-  const std::vector<fs::path> folders = folders_of(images);
+  const std::vector<fs::path> folders = folders_of(images, root);
   const std::string side = side_of(images);
   std::vector<std::string>& notes = recording.notes;
   if (add_spans(folders, side, options.time_unit, files, recording)) return true;
-  const NumberList dso = read_list(find_list(folders, {"times.txt"}), 2, 5);
-  const NumberList stamps =
-      read_list(find_list(folders,
-                          {"image_timestamps_" + side + ".txt", "images_timestamps.txt",
-                           "image_timestamps.txt", "timestamps.txt", "frames.csv"},
-                          "_image_timestamps.txt"),
-                1, 2);
+  const fs::path list = find_list(folders,
+                                  {"image_timestamps_" + side + ".txt", "images_timestamps.txt",
+                                   "image_timestamps.txt", "timestamps.txt"},
+                                  "_image_timestamps.txt");
+  if (!list.empty() && !has_no_names(list) && apply_named_times(list, options, files, recording))
+    return true;
+  const NumberList dso = read_list(find_list(folders, {"times.txt"}), 1, 5);
+  NumberList stamps = read_list(list, 1, 2);
+  // Lists of other things have this name too.
+  const fs::path csv = list.empty() ? find_list(folders, {"frames.csv"}) : fs::path();
+  if (!csv.empty() && has_no_names(csv)) {
+    stamps = read_list(csv, 1, 2);
+  } else if (!csv.empty() && has_column_of_times(csv) &&
+             apply_named_times(csv, options, files, recording)) {
+    return true;
+  }
   const NumberList& source = stamps.rows.empty() ? dso : stamps;
-  if (source.rows.empty()) return false;
-  const size_t column = &source == &dso ? 1 : time_column(source);
+  if (source.rows.empty()) return add_times_of_names(images, options, files, recording);
+  const bool is_dso = &source == &dso && source.rows.front().size() > 1;
+  const size_t column = is_dso ? 1 : time_column(source);
   const std::vector<int64_t> at =
       column_us(rows_of(source, files, notes), column,
                 &source == &dso ? TimeUnit::kS : options.time_unit, source.path, notes);

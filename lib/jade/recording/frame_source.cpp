@@ -96,7 +96,8 @@ std::string unfound_images(const fs::path& folder) {
   for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     std::error_code ignored;
-    const bool hidden = entry->path().filename().string()[0] == '.';
+    const std::string name = in_small_letters(entry->path().filename().string());
+    const bool hidden = name[0] == '.' || name == "masks";
     if (hidden) entry.disable_recursion_pending();
     if (!hidden && entry->is_directory(ignored) && !imaging::list_images(entry->path()).empty())
       below.push_back(entry->path());
@@ -108,27 +109,10 @@ std::string unfound_images(const fs::path& folder) {
                 "; give that folder with --frames");
 }
 
-std::vector<FrameFile> frames_of_folder(const fs::path& folder, const ReadOptions& options,
-                                        Recording& recording) {
-  std::vector<FrameFile> out;
-  const bool listed = fs::is_regular_file(folder / "images.txt");
-  if (listed) {
-    out = listed_images(folder / "images.txt", recording);
-  } else {
-    for (const fs::path& file : imaging::list_images(folder)) out.push_back({file, {}});
-  }
-  if (out.empty())
-    throw DataError(
-        concat(folder.string(), ": expected images, found none", unfound_images(folder)));
-  if (fs::is_regular_file(folder / "exposures.csv")) {
-    apply_exposures(folder / "exposures.csv", read_exposures(folder / "exposures.csv"), out,
-                    recording);
-  } else if (!listed && fs::is_regular_file(folder / "timestamps.npz")) {
-    add_npz_times(folder / "timestamps.npz", options.time_unit, out, recording);
-  } else if (!listed) {
-    add_frame_list(folder, options, out, recording);
-  }
-  return out;
+/// Whether a list is COLMAP's, whose file has this name too.
+bool is_of_colmap(const fs::path& list) {
+  return fs::exists(list.parent_path() / "cameras.txt") ||
+         io::read_text(list).find("IMAGE_ID, QW") != std::string::npos;
 }
 
 bool lacks_length(const FrameFile& file) { return !file.time || file.time->duration_us() == 0; }
@@ -274,12 +258,58 @@ void check_own_times(const fs::path& source, const std::vector<FrameFile>& files
 
 }  // namespace
 
+bool is_mask_of_all(const fs::path& image) {
+  return in_small_letters(image.filename().string()) == "mask.png";
+}
+
+std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root,
+                                    const ReadOptions& options, Recording& recording) {
+  const auto found = [&](const char* name) {
+    for (const fs::path& folder : {images, root}) {
+      if (!folder.empty() && fs::is_regular_file(folder / name)) return folder / name;
+    }
+    return fs::path();
+  };
+  // A list that the user gives replaces all of the folder.
+  const bool given = !options.frame_times.empty();
+  const fs::path exposures = given ? fs::path() : found("exposures.csv");
+  const fs::path npz = given ? fs::path() : found("timestamps.npz");
+  fs::path lines = given || !npz.empty() ? fs::path() : found("images.txt");
+  if (!lines.empty() && is_of_colmap(lines)) lines.clear();
+  std::vector<FrameFile> out;
+  if (!lines.empty()) {
+    out = listed_images(lines, recording);
+  } else if (!images.empty()) {
+    for (const fs::path& file : imaging::list_images(images)) {
+      if (!is_mask_of_all(file)) {
+        out.push_back({file, {}});
+      } else if (images != root) {
+        recording.warnings.push_back(concat(file.string(),
+                                            ": expected the mask of all frames beside "
+                                            "their folder, found it in it; move it to use it"));
+      }
+    }
+  }
+  if (out.empty()) return out;
+  if (!exposures.empty()) {
+    apply_exposures(exposures, read_exposures(exposures), out, recording);
+  } else if (!npz.empty()) {
+    add_npz_times(npz, options.time_unit, out, recording);
+  } else if (lines.empty() && !given && !add_frame_list(images, root, options, out, recording)) {
+    add_times_of_names(images, options, out, recording);
+  }
+  return out;
+}
+
 void warn_of_no_images(const fs::path& folder, Recording& recording) {
-  const fs::path images = folder / "images";
-  std::error_code ignored;
-  if (!fs::is_directory(images, ignored)) return;
-  recording.warnings.push_back(
-      concat(images.string(), ": expected images, found none", unfound_images(images)));
+  fs::path at = folder;
+  std::string found = unfound_images(folder);
+  for (const char* name : {"images", "images_1", "frames"}) {
+    if (!found.empty() || !fs::is_directory(folder / name)) continue;
+    at = folder / name, found = imaging::unread_images(at);
+  }
+  if (found.empty() && at == folder) return;
+  recording.warnings.push_back(concat(at.string(), ": expected images, found none", found));
 }
 
 void choose_channel(const fs::path& path, const std::map<int64_t, Triggers>& channels,
@@ -308,8 +338,9 @@ void replace_frames(const fs::path& path, const ReadOptions& options, Contents& 
     throw DataError(concat(path.string(), ": no such folder of images or video"));
   Recording& recording = contents.recording;
   if (fs::is_directory(path, ignored)) {
-    contents.files = frames_of_folder(path, options, recording);
-    return;
+    contents.files = timed_images(path, {}, options, recording);
+    if (!contents.files.empty()) return;
+    throw DataError(concat(path.string(), ": expected images, found none", unfound_images(path)));
   }
   if (const std::string other = io::stand_in(path); !other.empty())
     throw DataError(concat(path.string(), ": ", kExpectedFrames, ", found ", other));

@@ -33,10 +33,8 @@ Contents read_contents(const fs::path& path, const ReadOptions& options) {
       return read_evt(path, options);
     case Format::kDat:
       return read_dat(path, options);
-    case Format::kRpg:
-      return read_rpg(path, options);
     case Format::kZip:
-      return read_rpg_zip(path, options);
+      return read_zip(path, options);
     case Format::kFrameFolder:
       return read_event_folder(path, options);
     case Format::kAedat:

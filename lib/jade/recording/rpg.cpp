@@ -18,6 +18,7 @@
 #include "jade/io/zip.h"
 #include "jade/recording/contents.h"
 #include "jade/recording/event_folder.h"
+#include "jade/recording/format.h"
 
 namespace jade::recording {
 namespace {
@@ -28,24 +29,6 @@ namespace fs = std::filesystem;
 bool stays_inside(const fs::path& name) {
   return name.is_relative() &&
          std::none_of(name.begin(), name.end(), [](const fs::path& part) { return part == ".."; });
-}
-
-/// Images of a folder without images.txt; another list must contain their times.
-std::vector<FrameFile> unlisted_images(const fs::path& folder) {
-  std::vector<FrameFile> out;
-  fs::path images = folder;
-  for (const char* name : {"frames", "images"}) {
-    if (fs::is_directory(folder / name)) images = folder / name;
-  }
-  for (const fs::path& path : imaging::list_images(images)) out.push_back({path, std::nullopt});
-  return out;
-}
-
-std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
-  for (const char* name : {"camchain.yaml", "calibration.yaml", "calib.txt"}) {
-    if (fs::is_regular_file(folder / name)) return CalibrationFile{name, read_file(folder / name)};
-  }
-  return std::nullopt;
 }
 
 /// Prefix of the recording in an archive: "" or "folder/".
@@ -76,7 +59,8 @@ fs::path with_other_ending(const fs::path& name) {
 /// Lists of other tools omit the folder images/, and lists copied into that folder still contain
 /// it. Accents may be in another form than the file's, and the ending in capitals.
 fs::path listed_file(const fs::path& folder, const fs::path& name) {
-  for (const fs::path& file : {folder / name, folder / "images" / name, folder / name.filename()}) {
+  for (const fs::path& file : {folder / name, folder / "images" / name, folder / name.filename(),
+                               folder / "images" / name.filename()}) {
     if (fs::is_regular_file(file)) return file;
     if (fs::is_regular_file(with_other_ending(file))) return with_other_ending(file);
     if (const fs::path respelled = io::respelled(file); fs::is_regular_file(respelled))
@@ -104,6 +88,21 @@ fs::path file_of_line(const fs::path& folder, std::string text) {
   return text.substr(0, text.find_first_of(kBlanks));
 }
 
+/// UZH-FPV counts the images: "0 1540223197.055 img/image_0_0.png". The time is then the second
+/// number.
+void skip_count(const fs::path& folder, std::string& time, std::string& rest) {
+  std::istringstream words(rest);
+  std::string whole, second, name;
+  std::getline(words >> std::ws, whole);
+  std::istringstream parts(whole);
+  parts >> second;
+  std::getline(parts >> std::ws, name);
+  if (name.empty() || !number_in(io::with_point(second)) || fs::is_regular_file(folder / whole) ||
+      fs::is_regular_file(folder / "images" / whole))
+    return;
+  time = second, rest = name;
+}
+
 /// Skips images that are missing or listed twice, and warns of them. If all are missing, the image
 /// reader reports the first.
 void tidy_list(const fs::path& list, std::vector<FrameFile>& files,
@@ -126,7 +125,8 @@ void tidy_list(const fs::path& list, std::vector<FrameFile>& files,
   for (const fs::path& folder : folders) {
     if (!fs::is_directory(folder)) continue;
     for (const fs::path& path : imaging::list_images(folder)) {
-      if (known.count(path.lexically_normal()) == 0) unlisted.push_back(path.filename().string());
+      if (known.count(path.lexically_normal()) == 0 && !is_mask_of_all(path))
+        unlisted.push_back(path.filename().string());
     }
   }
   const auto warn = [&](const std::vector<std::string>& names, const char* what, const char* fix) {
@@ -173,8 +173,9 @@ std::vector<FrameFile> listed_images(const fs::path& list, Recording& recording)
     std::istringstream words(line);
     std::string time, rest;
     if (!(words >> time) || time[0] == '#') continue;
-    time = io::with_point(time);
     std::getline(words, rest);
+    skip_count(list.parent_path(), time, rest);
+    time = io::with_point(time);
     const fs::path name = file_of_line(list.parent_path(), rest);
     double value = 0;
     const auto [end, error] = std::from_chars(time.data(), time.data() + time.size(), value);
@@ -194,29 +195,7 @@ std::vector<FrameFile> listed_images(const fs::path& list, Recording& recording)
   return out;
 }
 
-Contents read_rpg(const fs::path& folder, const ReadOptions& options) {
-  Contents out;
-  Recording& recording = out.recording;
-  recording.format = "RPG text folder";
-  // rpg_dvs_ros uses libcaer's frame time, the middle of the exposure.
-  recording.stamp = Stamp::kMiddle;
-  recording.calibration = find_calibration(folder);
-  const fs::path list = folder / "images.txt", exposures = folder / "exposures.csv";
-  const bool listed = fs::is_regular_file(list);
-  out.files = listed ? listed_images(list, recording) : unlisted_images(folder);
-  if (!out.files.empty() && fs::is_regular_file(exposures)) {
-    apply_exposures(exposures, read_exposures(exposures), out.files, recording);
-  } else if (!out.files.empty() && !listed && options.frame_times.empty()) {
-    add_frame_list(out.files.front().path.parent_path(), options, out.files, recording);
-  }
-  if (out.files.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
-  const fs::path events = text_events_in(folder);
-  out.read_events = events_of(events, options, std::nullopt, recording);
-  warn_of_other_events(folder, events, recording);
-  return out;
-}
-
-Contents read_rpg_zip(const fs::path& path, const ReadOptions& options) {
+Contents read_zip(const fs::path& path, const ReadOptions& options) {
   const io::Zip archive(path);
   const std::string prefix = prefix_of(archive);
   const auto folder = std::make_shared<TemporaryFolder>();
@@ -226,7 +205,10 @@ Contents read_rpg_zip(const fs::path& path, const ReadOptions& options) {
     const fs::path inside = name.substr(prefix.size());
     const bool mask =
         in_small_letters(*inside.begin()) == "masks" || in_small_letters(inside) == "mask.png";
-    const bool image = inside.has_parent_path() && *inside.begin() == "images";
+    const fs::path first = *inside.begin();
+    const bool image =
+        imaging::is_image_file(inside) && (!inside.has_parent_path() || first == "images" ||
+                                           first == "images_1" || first == "frames");
     const bool list = !inside.has_parent_path() &&
                       (inside.extension() == ".txt" || inside.extension() == ".csv" ||
                        inside.extension() == ".yaml");
@@ -235,11 +217,13 @@ Contents read_rpg_zip(const fs::path& path, const ReadOptions& options) {
     fs::create_directories((folder->path() / inside).parent_path());
     archive.extract(name, folder->path() / inside);
   }
-  Contents out = read_rpg(folder->path(), options);
-  out.recording.format = "zip of an RPG text folder";
-  for (std::string& warning : out.recording.warnings) {
-    const std::string unpacked = folder->path().string();
-    if (warning.rfind(unpacked, 0) == 0) warning = path.string() + warning.substr(unpacked.size());
+  Contents out = read_event_folder(folder->path(), options);
+  out.recording.format = word_of(Format::kZip);
+  for (auto* lines : {&out.recording.notes, &out.recording.warnings}) {
+    for (std::string& line : *lines) {
+      const std::string unpacked = folder->path().string();
+      if (line.rfind(unpacked, 0) == 0) line = path.string() + line.substr(unpacked.size());
+    }
   }
   out.keep = folder;
   if (has_masks) {
