@@ -150,9 +150,10 @@ TEST_CASE("jade_inspect: a recording, what is missing, and the next command", "[
   INFO(bare.err);
   CHECK(bare.code == 0);
   for (const char* text :
-       {"folder of frames and events", "sensor      8x6 px", "events      3 from 0.100000 to 0.500000 s",
-        "66.7 % positive", "frames      2 of 8x6 px, 5 a second", "of unknown length",
-        "next        jade_import ", "/scene --calibration CAMERA.yaml --output data/scene"}) {
+       {"folder of frames and events", "sensor      8x6 px",
+        "events      3 from 0.100000 to 0.500000 s", "66.7 % positive",
+        "frames      2 of 8x6 px, 5 a second", "of unknown length", "next        jade_import ",
+        "/scene --calibration CAMERA.yaml --output data/scene"}) {
     CHECK_THAT(bare.out, Catch::Contains(text));
   }
   dir.write("scene/exposures.csv", "a,190000,210000\nb,390000,420000\n");

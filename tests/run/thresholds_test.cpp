@@ -90,8 +90,8 @@ struct Settling {
     const auto said = dir / "said.txt";
     std::filesystem::remove(said);
     set_log_file(said);
-    run::settle_thresholds(
-        dataset, run::measure_thresholds(dataset, fingerprint, 0, options.cache), options);
+    run::settle_thresholds(dataset, run::measure_thresholds(dataset, fingerprint, 0, options.cache),
+                           options);
     set_log_file({});
     return read_file(said);
   }
