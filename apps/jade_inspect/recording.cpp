@@ -85,20 +85,22 @@ std::string next_command(const Recording& r, const RecordingNumbers& n,
     // jade_import measures the length if no frame has one.
     line += " --exposure-ms MILLISECONDS";
   }
-  if (!r.calibration) line += " --calibration CAMERA.yaml";
-  const bool two_cameras = r.calibration && r.calibration->text.find("cam1:") != std::string::npos;
+  if (r.calibrations.empty()) line += " --calibration CAMERA.yaml";
+  const bool two_cameras =
+      !r.calibrations.empty() && r.calibrations.front().text.find("cam1:") != std::string::npos;
   if (two_cameras) line += " --plane-depth METRES";
   return line + " --output " + shell_word(fs::path("data") / name_of(r.source));
 }
 
-/// Leaves out a calibration of a folder that cannot be read, with a warning.
-void check_calibration(Recording& r) {
-  if (!r.calibration || !fs::is_directory(r.source)) return;
-  const fs::path path = r.source / r.calibration->name;
-  const std::string fault = import::calibration_fault(path);
-  if (fault.empty()) return;
-  r.warnings.push_back(concat(path.string(), fault, "; it is not used"));
-  r.calibration.reset();
+/// Leaves out calibrations of a folder that cannot be read, with a warning.
+void check_calibrations(Recording& r) {
+  while (!r.calibrations.empty() && fs::is_directory(r.source)) {
+    const fs::path path = r.source / r.calibrations.front().name;
+    const std::string fault = import::calibration_fault(path);
+    if (fault.empty()) return;
+    r.warnings.push_back(concat(path.string(), fault, "; it is not used"));
+    r.calibrations.erase(r.calibrations.begin());
+  }
 }
 
 /// Reads the masks stored with the frames as jade_import does, and notes their statistics.
@@ -148,7 +150,7 @@ void print_recording(const Recording& r, const RecordingNumbers& n, const std::s
     std::printf("triggers    %zu rising and %zu falling edges\n", r.triggers.rising_us.size(),
                 r.triggers.falling_us.size());
   }
-  if (r.calibration) std::printf("calibration %s\n", r.calibration->name.c_str());
+  if (!r.calibrations.empty()) std::printf("calibration %s\n", r.calibrations.front().name.c_str());
   std::printf("poses       none: a recording, no data set yet\n");
   if (!r.notes.empty() || !r.warnings.empty()) std::printf("\n");
   for (const std::string& warning : r.warnings) std::printf("warning     %s\n", warning.c_str());
@@ -178,7 +180,7 @@ nlohmann::json to_json(const Recording& r, const RecordingNumbers& n, const std:
           {"stamp", word_of(r.stamp)},
           {"rising_us", r.triggers.rising_us},
           {"falling_us", r.triggers.falling_us},
-          {"calibration", r.calibration ? r.calibration->name : ""},
+          {"calibration", r.calibrations.empty() ? "" : r.calibrations.front().name},
           {"notes", r.notes},
           {"warnings", r.warnings},
           {"next", next}};
@@ -190,7 +192,7 @@ void inspect_recording(const fs::path& path, recording::ReadOptions options,
                        const std::string& import_program, bool json) {
   options.most_events = kMostEvents;
   Recording r = recording::read_recording(path, options);
-  check_calibration(r);
+  check_calibrations(r);
   note_masks(r);
   RecordingNumbers numbers = numbers_of(r);
   if (!options.events_group.empty())

@@ -72,13 +72,30 @@ TEST_CASE("stream faults: frame times with few digits", "[events]") {
   CHECK_THAT(fault(33333, 10000, 0),
              test::naming("all of 12 in steps of 10 ms", "period of 33.636 ms"));
   CHECK_THAT(fault(33333, 1000, 10000), test::naming("steps of 1 ms"));
+  CHECK_THAT(fault(16667, 10000, 0), test::naming("steps of 10 ms"));
+  CHECK_THAT(fault(22222, 10000, 0), test::naming("steps of 10 ms"));
   CHECK(fault(33333, 1000, 0).empty());
   CHECK(fault(33333, 1, 10000).empty());
   CHECK(fault(50000, 10000, 10000).empty());
   // Left-out frames of a steady camera.
   CHECK(resolution_fault({{0, 0}, {50000, 0}, {150000, 0}, {200000, 0}, {350000, 0}, {400000, 0}})
             .empty());
-  // One frame half a period late.
+  // A pause of one and a half periods.
+  std::vector<TimeWindow> paused;
+  for (int64_t i = 0; i < 10; ++i) paused.push_back({i * 100000 + (i > 3 ? 50000 : 0), 0});
+  CHECK(resolution_fault(paused).empty());
+  // Three frames half a period late, then one.
+  CHECK(resolution_fault({{0, 0},
+                          {150000, 0},
+                          {200000, 0},
+                          {300000, 0},
+                          {450000, 0},
+                          {500000, 0},
+                          {600000, 0},
+                          {750000, 0},
+                          {800000, 0},
+                          {900000, 0}})
+            .empty());
   CHECK(resolution_fault({{0, 0}, {50000, 0}, {100000, 0}, {125000, 0}, {150000, 0}, {200000, 0}})
             .empty());
   // Sharp frames between those of a steady camera.

@@ -264,9 +264,18 @@ TEST_CASE("image: listings go by the values of names that are fractions", "[imag
   const Folder folder;
   for (const char* name : {"0.4.png", "0.17.png", "0.055.png"})
     std::ofstream(folder.path / name) << "x";
-  CHECK(list_images(folder.path)[1].stem() == "0.17");
+  CHECK(list_images(folder.path)[0].stem() == "0.055");
   std::ofstream(folder.path / "0.170.png") << "x";  // no fractions: two would be equal
   CHECK(list_images(folder.path)[0].stem() == "0.4");
+}
+
+TEST_CASE("image: numbers that count behind a point are no fractions", "[imaging]") {
+  CHECK(counts_fractions({"3.001.png", "3.002.png", "3.003.png"}));
+  CHECK(counts_fractions({"1.9.png", "1.10.png", "2.1.png"}));
+  CHECK_FALSE(counts_fractions({"1.5.png", "2.5.png"}));
+  CHECK_FALSE(counts_fractions({"1.000000.png", "1.100000.png"}));
+  CHECK_FALSE(counts_fractions({"1.1.png", "a.png"}));
+  CHECK_FALSE(counts_fractions({}));
 }
 
 TEST_CASE("image: listings go by the numbers in names", "[imaging]") {

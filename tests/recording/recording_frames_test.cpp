@@ -259,6 +259,9 @@ TEST_CASE("recording: names that are times are read as such, and numbers that co
   CHECK(times_of({"1.0000.png", "1.0001.png", "1.0002.png"}) == none);
   CHECK(times_of({"20231114221320055.png", "20231114221320170.png"}) == none);
   CHECK(times_of({"f1000000.png", "f1100000.png", "f1200000.png"}) == none);
+  CHECK(times_of({"3.001.png", "3.002.png", "3.003.png"}) == none);
+  CHECK(times_of({"20231114221320055123.png", "20231114221321055123.png"}) == none);
+  CHECK(times_of({"0.055.png", "0.17.png", "0.4.png", "preview.png"}).size() == 3);
 }
 
 TEST_CASE("recording: lists are those of the recording and its camera", "[recording]") {
@@ -297,6 +300,15 @@ TEST_CASE("recording: lists are those of the recording and its camera", "[record
   dir.write("counted/images.txt",
             "# id timestamp image_name\n0 1.07 images/f0.png\n1 1.17 images/f1.png\n");
   CHECK(first_us(counted) == 1070000);
+  dir.write("counted/images.txt", "1.0 0.0101 images/f0.png\n1.1 0.0102 images/f1.png\n");
+  CHECK(first_us(counted) == 1000000);  // times and exposures, not counts
+  dir.write("micro/times.txt", "1090000\n1190000\n");
+  CHECK(first_us(make("micro")) == 1090000);
+  // The list of images still says which there are.
+  const auto part = make("part");
+  dir.write("part/images.txt", "1.0 images/f1.png\n");
+  given.frame_times = dir.write("mine.csv", "f1,1110000,1120000\n");
+  CHECK(first_us(part, given) == 1110000);
   const auto colmap = make("colmap");
   dir.write("colmap/images.txt", "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n");
   dir.write("colmap/timestamps.txt", "1080000\n1180000\n");
@@ -316,6 +328,14 @@ TEST_CASE("recording: what a folder has but is not read is named", "[recording]"
   CHECK_THAT(said("two"), test::naming("a_events.txt, b_events.txt", "--frames"));
   dir.write("two/b_events.txt", "Notes about these events.\n");
   CHECK(read_recording(dir / "two").events.size() == 1);
+  std::filesystem::create_directory_symlink("loop", dir / "two/loop");
+  CHECK(read_recording(dir / "two").frames.size() == 2);
+  // Images of the recording's own folder, beside others.
+  dir.write("own/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+  write_frames(dir / "own", 3);
+  write_frames(dir / "own/preview", 1);
+  dir.write("own/timestamps.txt", "1000000\n1100000\n1200000\n");
+  CHECK(read_recording(dir / "own").frames.size() == 3);
   imaging::write_image(dir / "two/images/Mask.png", torch::ones({3, 6, 8}));
   CHECK_THAT(said("two"), test::naming("images/Mask.png", "beside their folder"));
   CHECK(read_recording(dir / "two").frames.size() == 2);

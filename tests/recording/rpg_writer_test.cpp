@@ -39,10 +39,10 @@ TEST_CASE("rpg_writer: what is written is read back equal", "[recording]") {
   }
   CHECK(read_file(dir / "a/images.txt") == "0.000200 images/00.png\n0.000400 images/12.png\n");
   CHECK(read_file(dir / "a/calib.txt") == "20.125 20.125 7.5 5.5 0 0 0 0 0\n");
-  REQUIRE(read.calibration);
-  CHECK(read.calibration->name == "calibration.yaml");
-  CHECK_THAT(read.calibration->text, Catch::StartsWith("%YAML:1.0\n"));
-  CHECK_THAT(read.calibration->text,
+  REQUIRE(!read.calibrations.empty());
+  CHECK(read.calibrations.front().name == "calibration.yaml");
+  CHECK_THAT(read.calibrations.front().text, Catch::StartsWith("%YAML:1.0\n"));
+  CHECK_THAT(read.calibrations.front().text,
              Catch::Contains("data: [ 20.125, 0., 7.5, 0., 20.125, 5.5, 0., 0., 1. ]"));
 }
 
@@ -55,12 +55,12 @@ TEST_CASE("rpg_writer: two cameras are written as Kalibr does, and found", "[rec
                               geometry::Intrinsics::centred(30, 24, 18),
                               {{1, 0, 0, 0, 1, 0, 0, 0, 1}, {-0.125, 0.5, 0.25}}});
   const Recording read = read_recording(dir.path());
-  REQUIRE(read.calibration);
-  CHECK(read.calibration->name == "camchain.yaml");
+  REQUIRE(!read.calibrations.empty());
+  CHECK(read.calibrations.front().name == "camchain.yaml");
   CHECK_FALSE(read.size_is_said);
   for (const char* line :
        {"cam0:\n  camera_model: pinhole\n", "cam1:\n  T_cn_cnm1:\n", "  - [1., 0., 0., -0.125]\n",
         "intrinsics: [20.5, 20.5, 7.5, 5.5]", "resolution: [24, 18]"}) {
-    CHECK_THAT(read.calibration->text, Catch::Contains(line));
+    CHECK_THAT(read.calibrations.front().text, Catch::Contains(line));
   }
 }

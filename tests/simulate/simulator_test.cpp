@@ -282,8 +282,8 @@ TEST_CASE("simulate: an event camera beside that of the frames sees from where i
   const test::TempDir folder;
   write_recording(other, run, folder.path());
   const recording::Recording read = recording::read_recording(folder.path());
-  REQUIRE(read.calibration);
-  CHECK(read.calibration->name == "camchain.yaml");
+  REQUIRE(!read.calibrations.empty());
+  CHECK(read.calibrations.front().name == "camchain.yaml");
   CHECK(read.events.size() == other.content.events.size());
   beside = {};
   beside.focal_px = 70;

@@ -76,11 +76,36 @@ std::string resolution_fault(const EventStream& events) {
                 " ms apart: digits were lost, and motion within these steps; ", kWriteAgain);
 }
 
+namespace {
+
+/// Least range of the starts about a line with nearly this slope: rounded times of a steady camera
+/// stay within one step of rounding.
+template <class PeriodsOf>
+double spread_about_line(const std::vector<TimeWindow>& exposures, double period,
+                         const PeriodsOf& periods_of, double step) {
+  constexpr int kSlopes = 10;  // to either side
+  double least = INFINITY;
+  for (int k = -kSlopes; k <= kSlopes; ++k) {
+    const double slope = period + step * k / (kSlopes * double(exposures.size()));
+    double lowest = 0, highest = 0, expected = 0;
+    for (size_t i = 1; i < exposures.size(); ++i) {
+      expected += slope * double(periods_of(exposures[i].begin_us - exposures[i - 1].begin_us));
+      const double off = double(exposures[i].begin_us - exposures[0].begin_us) - expected;
+      lowest = std::min(lowest, off), highest = std::max(highest, off);
+    }
+    least = std::min(least, highest - lowest);
+  }
+  return least;
+}
+
+}  // namespace
+
 std::string resolution_fault(std::vector<TimeWindow> exposures) {
   constexpr size_t kFew = 6;  // frames
   constexpr int64_t kCoarsestUs = 1000;
-  constexpr double kShare = 0.05;    // of the exposure
-  constexpr double kLargest = 0.45;  // of the period; larger steps are frames out of step
+  constexpr double kShare = 0.05;     // of the exposure
+  constexpr double kLargest = 0.45;   // of the period
+  constexpr double kFrequent = 0.15;  // of the gaps
   if (exposures.size() < kFew) return "";
   std::sort(exposures.begin(), exposures.end(),
             [](const TimeWindow& a, const TimeWindow& b) { return a.begin_us < b.begin_us; });
@@ -96,18 +121,21 @@ std::string resolution_fault(std::vector<TimeWindow> exposures) {
   if (step < kCoarsestUs || step >= usual) return "";
   // A steady camera, whose rounded times differ from its period; it may leave out frames.
   const auto periods_of = [&](int64_t gap) {
-    return std::max<int64_t>(1, std::llround(double(gap) / double(usual)));
+    // A gap of one and a half periods is one period; the next gap has the other half.
+    return std::max<int64_t>(1, int64_t(std::ceil(double(gap) / double(usual) - 0.5)));
   };
   int64_t periods = 0;
   for (const int64_t gap : gaps) periods += periods_of(gap);
   const double period =
       double(exposures.back().begin_us - exposures.front().begin_us) / double(periods);
-  const bool steady = std::all_of(gaps.begin(), gaps.end(), [&](int64_t gap) {
-    return std::abs(double(gap) - double(periods_of(gap)) * period) <= double(step);
-  });
   const bool exact = std::all_of(gaps.begin(), gaps.end(),
                                  [&](int64_t gap) { return gap == periods_of(gap) * usual; });
-  if (!steady || exact || double(step) > kLargest * period) return "";
+  if (exact || spread_about_line(exposures, period, periods_of, double(step)) >= double(step))
+    return "";
+  // A large step may be a pause; that of rounding is frequent.
+  const auto odd = std::count_if(gaps.begin(), gaps.end(),
+                                 [&](int64_t gap) { return gap != periods_of(gap) * usual; });
+  if (double(step) > kLargest * period && double(odd) < kFrequent * double(gaps.size())) return "";
   const int64_t length = lengths.empty() ? usual : median_of(lengths);
   if (double(step) <= kShare * double(length)) return "";
   return concat("expected frame times in microseconds, found all of ", exposures.size(),

@@ -338,6 +338,28 @@ bool comes_before(const std::string& name, const std::string& other) {
   return order != 0 ? order < 0 : name < other;  // 01 and 1 are the same number
 }
 
+bool counts_fractions(const std::vector<std::filesystem::path>& files) {
+  std::set<std::pair<int64_t, int64_t>> parts;  // before and behind the point
+  for (const fs::path& file : files) {
+    const std::string name = file.stem().string();
+    const size_t point = name.find('.');
+    int64_t whole = 0, behind = 0;
+    const char* const end = name.data() + name.size();
+    if (point == std::string::npos ||
+        std::from_chars(name.data(), name.data() + point, whole).ptr != name.data() + point ||
+        std::from_chars(name.data() + point + 1, end, behind).ptr != end)
+      return false;
+    parts.emplace(whole, behind);
+  }
+  int64_t counted = 0;
+  for (auto at = parts.begin(), next = at; next != parts.end() && ++next != parts.end(); ++at) {
+    if (at->first != next->first) continue;
+    if (next->second != at->second + 1) return false;
+    ++counted;
+  }
+  return counted > 0;
+}
+
 bool is_image_file(const std::filesystem::path& path) {
   return is_image_extension(extension(path));
 }
@@ -356,6 +378,7 @@ std::vector<double> fractions_in_names(const std::vector<fs::path>& files) {
       return {};
     out.push_back(value);
   }
+  if (counts_fractions(files)) return {};
   std::vector<double> sorted = out;
   std::sort(sorted.begin(), sorted.end());
   if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) return {};

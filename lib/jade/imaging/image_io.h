@@ -51,12 +51,16 @@ std::vector<uint8_t> encode_jpeg(const torch::Tensor& image, int quality);
 /// and data sets use it.
 bool comes_before(const std::string& name, const std::string& other);
 
+/// Whether the names of files are numbers that count behind their point, as 3.001, 3.002, or 1.9,
+/// 1.10: no fractions. False with fewer than two files.
+bool counts_fractions(const std::vector<std::filesystem::path>& files);
+
 /// Whether the file's extension is that of an image that read_image() reads, except `.npy`.
 bool is_image_file(const std::filesystem::path& path);
 
 /// Image files directly in `folder` (extensions of read_image, except `.npy`), without hidden ones,
-/// in that order. Names that all are numbers with a decimal point are in the order of their values:
-/// 0.17 before 0.4.
+/// in that order. Names that all are decimal fractions and do not count are in the order of their
+/// values: 0.17 before 0.4.
 /// @throws DataError naming the folder if it is missing.
 std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder);
 

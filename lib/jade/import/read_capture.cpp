@@ -148,17 +148,18 @@ void check_given_exposure(const TimeOptions& options, const Capture& capture) {
                            "; leave it out to have the length found"));
 }
 
-/// Copies a calibration found beside the recording into the stage's folder, if it can be read.
+/// Copies the first calibration beside the recording that can be read into the stage's folder.
 void keep_calibration(const fs::path& folder, const recording::Recording& recording) {
-  if (!recording.calibration) return;
-  const fs::path copy = folder / "calibration" / recording.calibration->name;
-  make_writable_folder(copy.parent_path());
-  write_file(copy, recording.calibration->text);
-  const std::string fault = calibration_fault(copy);
-  if (fault.empty()) return;
-  fs::remove(copy);
-  log_warn(concat((recording.source / recording.calibration->name).string(), fault,
-                  "; it is not used: give another with --calibration"));
+  for (const recording::CalibrationFile& found : recording.calibrations) {
+    const fs::path copy = folder / "calibration" / found.name;
+    make_writable_folder(copy.parent_path());
+    write_file(copy, found.text);
+    const std::string fault = calibration_fault(copy);
+    if (fault.empty()) return;
+    fs::remove_all(copy.parent_path());
+    log_warn(concat((recording.source / found.name).string(), fault,
+                    "; it is not used: give another with --calibration"));
+  }
 }
 
 /// Assigns the masks stored with the frames: alpha, masks/ and mask.png. Pixels excluded in every
@@ -262,7 +263,7 @@ Capture read_capture(const ImportOptions& options, const fs::path& folder) {
   for (const std::string& warning : recording.warnings) log_warn(warning);
   check_recording(recording, options.time);
   drop_bad_frames(recording);
-  keep_calibration(folder, recording);
+  if (options.lens.calibration.empty()) keep_calibration(folder, recording);
   Capture capture;
   capture.source = recording.source.string();
   capture.format = recording.format;

@@ -35,6 +35,7 @@ struct FrameFile {
   /// Time span of its exposure; start and end are equal if only one time is known. No value: no
   /// time.
   std::optional<events::TimeWindow> time;
+  bool has_named_time = false;  ///< whether the time is the file's name
 };
 
 /// Time spans of a recording's clock, sorted and disjoint; no value: all of it.
@@ -149,6 +150,11 @@ bool add_frame_list(const std::filesystem::path& images, const std::filesystem::
                     const ReadOptions& options, std::vector<FrameFile>& files,
                     Recording& recording);
 
+/// The tests of std::filesystem without its exceptions: false for links in a loop and folders that
+/// may not be entered.
+bool is_file(const std::filesystem::path& path);
+bool is_folder(const std::filesystem::path& path);
+
 /// The number that a word is; no value for other words.
 std::optional<double> number_in(const std::string& word);
 
@@ -156,8 +162,8 @@ std::optional<double> number_in(const std::string& word);
 std::optional<events::TimeUnit> likely_unit(const std::vector<double>& times);
 
 /// Assigns the times that names of frames are: numbers since 1970, with a decimal point, or far
-/// apart. Frames with other names, a tenth at most, are left out with a warning. False if names are
-/// no times.
+/// apart; not numbers that count. Other names, a tenth at most but always one, are left out with a
+/// warning. False if names are no times.
 bool add_times_of_names(const std::filesystem::path& images, const ReadOptions& options,
                         std::vector<FrameFile>& files, Recording& recording);
 

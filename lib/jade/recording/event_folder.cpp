@@ -37,22 +37,28 @@ bool has_ending_of(const std::string& name, std::initializer_list<const char*> e
                      [&](const char* ending) { return has_ending(name, ending); });
 }
 
-/// Whether a text file's first line of numbers has four: t, x, y, p. Packed ones may.
+/// Whether one of a text file's first lines of numbers has t, x, y and p. Packed files are assumed
+/// to.
 bool lists_events(const fs::path& path) {
   if (path.extension() == ".gz") return true;
-  constexpr int kMostLines = 100;
+  constexpr int kMostLines = 100, kMostRows = 3;  // the first row may be the sensor's size
   std::ifstream text(path);
   std::string line;
-  for (int i = 0; i < kMostLines && std::getline(text, line); ++i) {
+  for (int i = 0, rows = 0; i < kMostLines && rows < kMostRows && std::getline(text, line); ++i) {
     std::replace_if(
         line.begin(), line.end(), [](char c) { return c == ',' || c == ';'; }, ' ');
     std::istringstream words(line);
-    std::vector<std::string> all;
-    for (std::string word; words >> word;) all.push_back(word);
-    if (all.empty() || !number_in(all[0])) continue;
-    return all.size() >= 4 && std::all_of(all.begin(), all.begin() + 4, [](const auto& word) {
-             return number_in(word).has_value();
-           });
+    std::vector<double> row;
+    for (std::string word; words >> word;) {
+      const std::optional<double> value = number_in(word);
+      if (!value) break;
+      row.push_back(*value);
+    }
+    if (row.empty()) continue;
+    ++rows;
+    const bool has_sign =
+        std::any_of(row.begin(), row.end(), [](double v) { return v == 0 || v == 1 || v == -1; });
+    if (row.size() == 4 && has_sign) return true;
   }
   return false;
 }
@@ -65,9 +71,11 @@ std::vector<fs::path> event_files_in(const fs::path& folder, const std::string& 
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string name = in_small_letters(entry->path().filename().string());
-    std::error_code ignored;
-    if (name[0] == '.' || name.find(word) == std::string::npos || has_ending(name, "_right.h5") ||
-        !entry->is_regular_file(ignored))
+    const auto has = [&](const char* part) { return name.find(part) != std::string::npos; };
+    const bool is_other = has("voxel") || has("frame") || has("imu") || has("rectif") ||
+                          has("exposure") || has("timestamp") || has_ending(name, "_right.h5");
+    if (name[0] == '.' || name.find(word) == std::string::npos || is_other ||
+        !is_file(entry->path()))
       continue;
     if (has_ending_of(name, {".h5", ".hdf5", ".npz", ".npy", ".raw"})) {
       arrays.push_back(entry->path());
@@ -84,8 +92,7 @@ std::vector<fs::path> event_files_in(const fs::path& folder, const std::string& 
 /// The file of the events: one of the usual names, else the only one whose name says so.
 fs::path events_in(const fs::path& folder) {
   for (const char* name : kEventNames) {
-    std::error_code ignored;
-    if (fs::is_regular_file(folder / name, ignored)) return folder / name;
+    if (is_file(folder / name)) return folder / name;
   }
   for (const auto& [where, word] :
        {std::pair(folder, "events"), std::pair(folder / "events", "")}) {
@@ -101,28 +108,35 @@ bool is_text(const fs::path& events) {
   return has_ending(name, ".txt") || has_ending(name, ".txt.gz");
 }
 
-/// Folder of the images: one of the usual names, or the recording's own if no folder in it has
-/// images. Empty without images.
+size_t count_images(const fs::path& folder) {
+  try {
+    return is_folder(folder) ? imaging::list_images(folder).size() : 0;
+  } catch (const DataError&) {  // a folder that may not be read
+    return 0;
+  }
+}
+
+/// Folder of the images: one of the usual names, or the recording's own unless a folder in it has
+/// more images. Empty without images.
 fs::path images_in(const fs::path& folder) {
-  const auto has_images = [](const fs::path& path) {
-    return fs::is_directory(path) && !imaging::list_images(path).empty();
-  };
   for (const char* name : {"images_1", "images", "frames", "images/left/rectified",
                            "images/left/distorted", "left_images"}) {
-    if (has_images(folder / name)) return folder / name;
+    if (count_images(folder / name) > 0) return folder / name;
   }
+  const size_t own = count_images(folder);
+  if (own == 0) return {};
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
-    if (in_small_letters(entry->path().filename().string()) != "masks" && has_images(entry->path()))
-      return {};
+    const std::string name = in_small_letters(entry->path().filename().string());
+    if (name[0] != '.' && name != "masks" && count_images(entry->path()) > own) return {};
   }
-  return has_images(folder) ? folder : fs::path();
+  return folder;
 }
 
 /// The first line is "format …"; other files of this name are the user's notes.
 bool is_described(const fs::path& folder) {
-  return fs::is_regular_file(folder / kDescription) &&
+  return is_file(folder / kDescription) &&
          read_file(folder / kDescription).rfind("format ", 0) == 0;
 }
 
@@ -185,8 +199,8 @@ void describe(const fs::path& folder, const ReadOptions& options, Contents& cont
   add_edges(folder / "triggers.csv", recording.triggers);
   // Frames of another source belong to another camera.
   const fs::path camera = folder / "camera_info.yaml";
-  if (options.frames.empty() && fs::is_regular_file(camera))
-    recording.calibration = CalibrationFile{"camera_info.yaml", read_file(camera)};
+  if (options.frames.empty() && is_file(camera))
+    recording.calibrations = {{"camera_info.yaml", read_file(camera)}};
   if (offset_us == 0) return;
   move(offset_us, recording.triggers);
   if (contents.read_events) contents.read_events = moved(contents.read_events, offset_us);
@@ -196,9 +210,12 @@ void describe(const fs::path& folder, const ReadOptions& options, Contents& cont
 void warn_of_other_events(const fs::path& folder, const fs::path& read, Recording& recording) {
   std::vector<std::string> others;
   for (const char* name : kEventNames) {
-    std::error_code ignored;
-    if (folder / name != read && fs::is_regular_file(folder / name, ignored))
-      others.emplace_back(name);
+    if (folder / name != read && is_file(folder / name)) others.emplace_back(name);
+  }
+  for (const fs::path& path : event_files_in(folder, "events")) {
+    const std::string name = path.filename().string();
+    if (path != read && std::find(others.begin(), others.end(), name) == others.end())
+      others.push_back(name);
   }
   if (others.empty()) return;
   recording.warnings.push_back(concat(
@@ -206,12 +223,13 @@ void warn_of_other_events(const fs::path& folder, const fs::path& read, Recordin
       read.lexically_relative(folder).string(), ", which is read; remove those that do not count"));
 }
 
-/// A calibration in the folder of the recording.
-std::optional<CalibrationFile> find_calibration(const fs::path& folder) {
+/// Calibrations in the folder of the recording, the preferred one first.
+std::vector<CalibrationFile> find_calibrations(const fs::path& folder) {
+  std::vector<CalibrationFile> out;
   for (const char* name : {"camchain.yaml", "calibration.yaml", "calib.txt"}) {
-    if (fs::is_regular_file(folder / name)) return CalibrationFile{name, read_file(folder / name)};
+    if (is_file(folder / name)) out.push_back({name, read_file(folder / name)});
   }
-  return std::nullopt;
+  return out;
 }
 
 }  // namespace
@@ -254,7 +272,7 @@ bool is_event_folder(const fs::path& folder) {
   if (!events_in(folder).empty()) return true;
   for (const char* name : {"timestamps.npz", "exposures.csv"}) {
     for (const char* images : {"images_1", "images", ""}) {
-      if (fs::is_regular_file(folder / images / name)) return true;
+      if (is_file(folder / images / name)) return true;
     }
   }
   return false;
@@ -265,8 +283,7 @@ std::vector<std::string> unfound_events(const fs::path& folder) {
   std::error_code error;
   for (const fs::path& where : {folder, folder / "events", folder / "events_left"}) {
     for (const fs::path& path : event_files_in(where, "")) {
-      if (path.filename() != "timestamps.npz" && path.filename() != "exposures.csv")
-        out.push_back(path.lexically_relative(folder).string());
+      out.push_back(path.lexically_relative(folder).string());
     }
   }
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
@@ -282,6 +299,7 @@ std::vector<std::string> unfound_events(const fs::path& folder) {
 
 std::vector<std::string> packed_files(const fs::path& folder) {
   std::vector<std::string> out;
+  const fs::path read = events_in(folder);
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
@@ -289,7 +307,7 @@ std::vector<std::string> packed_files(const fs::path& folder) {
     std::error_code ignored;
     if (path.filename().string()[0] == '.' || !entry->is_regular_file(ignored)) continue;
     const fs::path kind = path.extension();
-    const bool is_read = path == events_in(folder);
+    const bool is_read = path == read;
     for (const char* ending : {".gz", ".tgz", ".bz2", ".xz", ".zst", ".7z", ".rar", ".tar"}) {
       if (kind != ending || is_read) continue;
       const std::string found = io::stand_in(path);
@@ -319,12 +337,13 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
   Recording& recording = out.recording;
   recording.format = "folder of frames and events";
   recording.stamp = options.stamp.value_or(Stamp::kMiddle);
-  recording.calibration = find_calibration(folder);
+  recording.calibrations = find_calibrations(folder);
   const fs::path images = images_in(folder);
   out.files = timed_images(images, folder, options, recording);
   if (out.files.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
   const fs::path events = events_in(folder);
-  if (const auto others = unfound_events(folder); events.empty() && !others.empty()) {
+  const auto others = events.empty() ? unfound_events(folder) : std::vector<std::string>();
+  if (!others.empty()) {
     recording.warnings.push_back(
         concat(folder.string(), ": expected one file of events, found ", listing(others),
                "; give that of the events: ", (folder / others.front()).string(), " --frames ",

@@ -152,13 +152,14 @@ Format recognise(const fs::path& path) {
   if (is_event_folder(path)) return Format::kFrameFolder;
   if (fs::is_regular_file(path / "metadata.yaml", ignored) && holds_bag(path))
     return Format::kRosBag;
-  std::vector<std::string> inside = packed_files(path);
-  if (inside.empty()) inside = unfound_events(path);
-  throw DataError(
-      concat(path.string(), ": ", kReadable,
-             ", found a folder with neither events nor frames that have times",
-             inside.empty() ? "; give the file in it" : concat(", but ", listing(inside)),
-             packed_files(path).empty() && !inside.empty() ? "; give that of the events" : ""));
+  const std::vector<std::string> packed = packed_files(path);
+  const std::vector<std::string> others =
+      packed.empty() ? unfound_events(path) : std::vector<std::string>();
+  std::string hint = "; give the file in it";
+  if (!packed.empty()) hint = concat(", but ", packed.front());
+  if (!others.empty()) hint = concat("; for its events give one of: ", listing(others));
+  throw DataError(concat(path.string(), ": ", kReadable,
+                         ", found a folder with neither events nor frames that have times", hint));
 }
 
 bool is_recording(const fs::path& path) {

@@ -69,15 +69,34 @@ std::vector<fs::path> folders_of(const fs::path& images, const fs::path& root) {
   std::vector<fs::path> out{whole(images)};
   while (out.size() < 3 && (root.empty() || out.back() != whole(root))) {
     const std::vector<std::string> words = name_words(out.back());
-    const auto ends_as = [&](const char* word) { return !words.empty() && words.back() == word; };
-    const bool is_part = out.back().filename() == "images_1" || ends_as("image") ||
-                         ends_as("images") || ends_as("frame") || ends_as("frames") ||
-                         ends_as("rectified") || ends_as("distorted") || ends_as("left") ||
-                         ends_as("right");
+    const auto has = [&](const char* word) {
+      return std::find(words.begin(), words.end(), word) != words.end();
+    };
+    const bool is_side = !words.empty() && (words.back() == "left" || words.back() == "right");
+    const bool is_part = is_side || has("image") || has("images") || has("frame") ||
+                         has("frames") || has("rectified") || has("distorted") || has("data");
     if (!is_part) break;
     out.push_back(out.back().parent_path());
   }
   return out;
+}
+
+/// Whether one of the first two lines begins with a number or has one.
+bool has_numbers(const fs::path& list) {
+  std::istringstream text(io::read_text(list));
+  int lines = 0;
+  for (std::string line; lines < 2 && std::getline(text, line);) {
+    const auto first = line.find_first_not_of(" \t\r");
+    if (first == std::string::npos || line[first] == '#') continue;
+    ++lines;
+    std::replace_if(
+        line.begin(), line.end(), [](char c) { return c == ',' || c == ';'; }, ' ');
+    std::istringstream words(line);
+    for (std::string word; words >> word;) {
+      if (number_in(io::with_point(word))) return true;
+    }
+  }
+  return false;
 }
 
 /// The first file with one of these names, nearest to the images first; else the only one whose
@@ -88,7 +107,9 @@ fs::path find_list(const std::vector<fs::path>& folders, const std::vector<std::
                    const std::string& ending = "") {
   for (const fs::path& folder : folders) {
     for (const std::string& name : names) {
-      if (fs::is_regular_file(folder / name)) return folder / name;
+      // Above the images such a name may be that of notes.
+      if (is_file(folder / name) && (folder == folders.front() || has_numbers(folder / name)))
+        return folder / name;
     }
     std::vector<std::string> found;
     std::error_code error;
@@ -419,8 +440,8 @@ bool add_frame_list(const fs::path& images, const fs::path& root, const ReadOpti
   const bool is_dso = &source == &dso && source.rows.front().size() > 1;
   const size_t column = is_dso ? 1 : time_column(source);
   const std::vector<int64_t> at =
-      column_us(rows_of(source, files, notes), column,
-                &source == &dso ? TimeUnit::kS : options.time_unit, source.path, notes);
+      column_us(rows_of(source, files, notes), column, is_dso ? TimeUnit::kS : options.time_unit,
+                source.path, notes);
   const Lengths lengths = find_lengths(folders, side, dso, files, notes);
   const Stamp stamp = options.stamp.value_or(recording.stamp);
   for (size_t i = 0; i < files.size(); ++i)

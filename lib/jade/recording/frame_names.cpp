@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/text.h"
+#include "jade/imaging/image_io.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -64,26 +65,34 @@ std::optional<TimeUnit> likely_unit(const std::vector<double>& times) {
 
 bool add_times_of_names(const std::filesystem::path& images, const ReadOptions& options,
                         std::vector<FrameFile>& files, Recording& recording) {
-  constexpr double kCounts = 2000;  // whole numbers nearer to each other may count frames
-  std::vector<double> times;
-  std::vector<size_t> timed;
+  constexpr double kCounts = 2000;  // smaller steps of whole numbers may be frame numbers
+  constexpr double kLargest = 4e18;
+  std::vector<std::pair<double, size_t>> named;  // and the file
   std::vector<std::string> others;
+  std::vector<std::filesystem::path> paths;
   bool has_point = false;
   for (size_t i = 0; i < files.size(); ++i) {
     const std::optional<double> time = number_named(files[i].path);
-    if (time && (times.empty() || *time > times.back())) {
-      times.push_back(*time), timed.push_back(i);
-      has_point |= files[i].path.stem().string().find('.') != std::string::npos;
-    } else {
+    if (!time) {
       others.push_back(files[i].path.filename().string());
+      continue;
     }
+    named.emplace_back(*time, i);
+    paths.push_back(files[i].path);
+    has_point |= files[i].path.stem().string().find('.') != std::string::npos;
   }
-  if (times.size() < 2 || 10 * others.size() > files.size() + 9) return false;
+  if (named.size() < 2 || 10 * others.size() > files.size() + 9) return false;
+  std::sort(named.begin(), named.end());
+  std::vector<double> times;
+  for (const auto& [time, file] : named) times.push_back(time);
+  const bool are_distinct = std::adjacent_find(times.begin(), times.end()) == times.end();
+  if (!are_distinct || times.back() > kLargest) return false;
   std::optional<TimeUnit> unit = likely_unit(times);
   const bool on_clock = unit && unit_since_1970(times.back()) == unit;
   if (has_point && !on_clock) {
-    if (const double step_us = 1e6 * median_step(times);
-        step_us >= kShortestUs && step_us <= kLongestOfClockUs)
+    const double step_us = 1e6 * median_step(times);
+    unit.reset();
+    if (step_us >= kShortestUs && step_us <= kLongestOfClockUs && !imaging::counts_fractions(paths))
       unit = TimeUnit::kS;
   }
   if (!unit || (!has_point && !on_clock && median_step(times) < kCounts)) return false;
@@ -91,18 +100,18 @@ bool add_times_of_names(const std::filesystem::path& images, const ReadOptions& 
   const std::vector<int64_t> at =
       events::times_us(torch::tensor(times, torch::kFloat64), *unit, images.string());
   const Stamp stamp = options.stamp.value_or(recording.stamp);
-  for (size_t i = 0; i < timed.size(); ++i) files[timed[i]].time = exposure_at(at[i], 0, stamp);
+  std::vector<FrameFile> timed;
+  for (size_t i = 0; i < named.size(); ++i)
+    timed.push_back({files[named[i].second].path, exposure_at(at[i], 0, stamp), true});
   recording.notes.push_back(concat(images.string(), ": the names of the frames are read as their ",
                                    "times, in ", word_of(*unit), "; each is taken as the ",
                                    word_of(stamp), " of the exposure"));
   if (!others.empty()) {
     recording.warnings.push_back(concat(images.string(),
-                                        ": expected times as names of all frames, "
-                                        "found other names: ",
-                                        listing(others), "; these are left out"));
+                                        ": expected times as names of all frames, found other ",
+                                        "names: ", listing(others), "; these are left out"));
   }
-  files.erase(std::remove_if(files.begin(), files.end(), [](const auto& f) { return !f.time; }),
-              files.end());
+  files = std::move(timed);
   check_apart(images, files, recording);
   return true;
 }

@@ -9,10 +9,12 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/child.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/events/stream_faults.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/unread_images.h"
 #include "jade/io/stand_in.h"
+#include "jade/io/text.h"
 #include "jade/io/zip.h"
 #include "jade/recording/contents.h"
 
@@ -88,18 +90,29 @@ std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& fol
   return out;
 }
 
+/// False also for a folder that may not be read.
+bool has_images(const fs::path& folder) {
+  try {
+    return !imaging::list_images(folder).empty();
+  } catch (const DataError&) {
+    return false;
+  }
+}
+
 /// For messages about a folder without images: a folder below it that has some, or its files of
 /// another kind; empty if there are neither.
 std::string unfound_images(const fs::path& folder) {
   std::error_code error;
   std::vector<fs::path> below;
-  for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
+  constexpr int kDeepest = 3;
+  const auto options = fs::directory_options::skip_permission_denied;
+  for (fs::recursive_directory_iterator entry(folder, options, error), end; !error && entry != end;
        entry.increment(error)) {
     std::error_code ignored;
     const std::string name = in_small_letters(entry->path().filename().string());
     const bool hidden = name[0] == '.' || name == "masks";
-    if (hidden) entry.disable_recursion_pending();
-    if (!hidden && entry->is_directory(ignored) && !imaging::list_images(entry->path()).empty())
+    if (hidden || entry.depth() >= kDeepest) entry.disable_recursion_pending();
+    if (!hidden && entry->is_directory(ignored) && has_images(entry->path()))
       below.push_back(entry->path());
   }
   std::sort(below.begin(), below.end());
@@ -109,9 +122,35 @@ std::string unfound_images(const fs::path& folder) {
                 "; give that folder with --frames");
 }
 
+/// The images of images.txt.
+/// @param may_fail  whether a list that cannot be read counts as none
+std::vector<FrameFile> listed_or_none(const fs::path& list, bool may_fail, Recording& recording) {
+  try {
+    return listed_images(list, recording);
+  } catch (const DataError&) {
+    if (!may_fail) throw;
+    return {};
+  }
+}
+
+std::vector<FrameFile> images_of(const fs::path& images, const fs::path& root,
+                                 Recording& recording) {
+  std::vector<FrameFile> out;
+  for (const fs::path& file : imaging::list_images(images)) {
+    if (!is_mask_of_all(file)) {
+      out.push_back({file, {}});
+    } else if (images != root) {
+      recording.warnings.push_back(concat(file.string(),
+                                          ": expected the mask of all frames beside "
+                                          "their folder, found it in it; move it to use it"));
+    }
+  }
+  return out;
+}
+
 /// Whether a list is COLMAP's, whose file has this name too.
 bool is_of_colmap(const fs::path& list) {
-  return fs::exists(list.parent_path() / "cameras.txt") ||
+  return is_file(list.parent_path() / "cameras.txt") ||
          io::read_text(list).find("IMAGE_ID, QW") != std::string::npos;
 }
 
@@ -189,8 +228,10 @@ void apply_triggers(const ReadOptions& options, Contents& contents) {
   if (std::none_of(files.begin(), files.end(), lacks_length)) return;
   const auto pulses = exposures_of(triggers, options.trigger_level);
   const Edges edges = edges_per_frame(pulses, triggers, options.trigger_level, files.size());
-  const bool have_times = std::all_of(files.begin(), files.end(),
-                                      [](const FrameFile& f) { return f.time.has_value(); });
+  // Names may be times of a clock that the edges are to replace.
+  const bool have_times = std::all_of(files.begin(), files.end(), [](const FrameFile& f) {
+    return f.time.has_value() && !f.has_named_time;
+  });
   if (have_times) {
     std::stable_sort(files.begin(), files.end(), [](const FrameFile& a, const FrameFile& b) {
       return a.time->begin_us < b.time->begin_us;
@@ -262,41 +303,40 @@ bool is_mask_of_all(const fs::path& image) {
   return in_small_letters(image.filename().string()) == "mask.png";
 }
 
+bool is_file(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+bool is_folder(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_directory(path, ignored);
+}
+
 std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root,
                                     const ReadOptions& options, Recording& recording) {
   const auto found = [&](const char* name) {
     for (const fs::path& folder : {images, root}) {
-      if (!folder.empty() && fs::is_regular_file(folder / name)) return folder / name;
+      if (!folder.empty() && is_file(folder / name)) return folder / name;
     }
     return fs::path();
   };
-  // A list that the user gives replaces all of the folder.
+  // Times that the user gives replace all of the folder.
   const bool given = !options.frame_times.empty();
   const fs::path exposures = given ? fs::path() : found("exposures.csv");
-  const fs::path npz = given ? fs::path() : found("timestamps.npz");
-  fs::path lines = given || !npz.empty() ? fs::path() : found("images.txt");
-  if (!lines.empty() && is_of_colmap(lines)) lines.clear();
+  const fs::path npz = given || !exposures.empty() ? fs::path() : found("timestamps.npz");
+  const fs::path lines = npz.empty() ? found("images.txt") : fs::path();
   std::vector<FrameFile> out;
-  if (!lines.empty()) {
-    out = listed_images(lines, recording);
-  } else if (!images.empty()) {
-    for (const fs::path& file : imaging::list_images(images)) {
-      if (!is_mask_of_all(file)) {
-        out.push_back({file, {}});
-      } else if (images != root) {
-        recording.warnings.push_back(concat(file.string(),
-                                            ": expected the mask of all frames beside "
-                                            "their folder, found it in it; move it to use it"));
-      }
-    }
-  }
+  if (!lines.empty() && !is_of_colmap(lines)) out = listed_or_none(lines, given, recording);
+  const bool listed = !out.empty();
+  if (!listed && !images.empty()) out = images_of(images, root, recording);
   if (out.empty()) return out;
   if (!exposures.empty()) {
     apply_exposures(exposures, read_exposures(exposures), out, recording);
   } else if (!npz.empty()) {
     add_npz_times(npz, options.time_unit, out, recording);
-  } else if (lines.empty() && !given && !add_frame_list(images, root, options, out, recording)) {
-    add_times_of_names(images, options, out, recording);
+  } else if (!listed && !given) {
+    add_frame_list(images, root, options, out, recording);
   }
   return out;
 }
@@ -305,7 +345,7 @@ void warn_of_no_images(const fs::path& folder, Recording& recording) {
   fs::path at = folder;
   std::string found = unfound_images(folder);
   for (const char* name : {"images", "images_1", "frames"}) {
-    if (!found.empty() || !fs::is_directory(folder / name)) continue;
+    if (!found.empty() || !is_folder(folder / name)) continue;
     at = folder / name, found = imaging::unread_images(at);
   }
   if (found.empty() && at == folder) return;

@@ -48,7 +48,8 @@ struct Recording {
   /// files.
   std::filesystem::path mask_root;
   std::shared_ptr<const void> keep;  ///< removes mask_root with its last owner, if it is temporary
-  std::optional<CalibrationFile> calibration;
+  /// The first that can be read counts.
+  std::vector<CalibrationFile> calibrations;
   std::vector<std::string> notes;     ///< information for the user, one line each
   std::vector<std::string> warnings;  ///< faults of the recording, repaired or left out
 };

@@ -9,7 +9,6 @@
 #include <string>
 #include <torch/types.h>
 
-#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/text.h"
 #include "jade/imaging/image_io.h"
@@ -31,18 +30,15 @@ bool stays_inside(const fs::path& name) {
          std::none_of(name.begin(), name.end(), [](const fs::path& part) { return part == ".."; });
 }
 
-/// Prefix of the recording in an archive: "" or "folder/".
+/// Folder of the recording in an archive, "" or "folder/": the uppermost with a list of events.
 std::string prefix_of(const io::Zip& archive) {
-  std::string best;
+  std::optional<std::string> best;
   for (const std::string& name : archive.names()) {
-    constexpr size_t kLength = 10;  // of events.txt
-    if (name.size() < kLength || name.compare(name.size() - kLength, kLength, "events.txt") != 0)
-      continue;
-    const std::string prefix = name.substr(0, name.size() - kLength);
-    if (!prefix.empty() && prefix.back() != '/') continue;
-    if (best.empty() || prefix.size() < best.size() - kLength) best = name;
+    if (!has_ending(name, "events.txt")) continue;
+    const std::string folder = name.substr(0, name.rfind('/') + 1);
+    if (!best || folder.size() < best->size()) best = folder;
   }
-  return best.substr(0, best.size() - std::min<size_t>(best.size(), 10));
+  return best.value_or("");
 }
 
 /// The name with its ending in other letters: "a.PNG" for "a.png" and the reverse.
@@ -90,15 +86,14 @@ fs::path file_of_line(const fs::path& folder, std::string text) {
 
 /// UZH-FPV counts the images: "0 1540223197.055 img/image_0_0.png". The time is then the second
 /// number.
-void skip_count(const fs::path& folder, std::string& time, std::string& rest) {
+/// @param number  of the image, from 0
+void skip_count(size_t number, std::string& time, std::string& rest) {
+  const std::string count = std::to_string(number), from_1 = std::to_string(number + 1);
   std::istringstream words(rest);
-  std::string whole, second, name;
-  std::getline(words >> std::ws, whole);
-  std::istringstream parts(whole);
-  parts >> second;
-  std::getline(parts >> std::ws, name);
-  if (name.empty() || !number_in(io::with_point(second)) || fs::is_regular_file(folder / whole) ||
-      fs::is_regular_file(folder / "images" / whole))
+  std::string second, name;
+  words >> second;
+  std::getline(words >> std::ws, name);
+  if (name.empty() || (time != count && time != from_1) || !number_in(io::with_point(second)))
     return;
   time = second, rest = name;
 }
@@ -174,7 +169,7 @@ std::vector<FrameFile> listed_images(const fs::path& list, Recording& recording)
     std::string time, rest;
     if (!(words >> time) || time[0] == '#') continue;
     std::getline(words, rest);
-    skip_count(list.parent_path(), time, rest);
+    skip_count(out.size(), time, rest);
     time = io::with_point(time);
     const fs::path name = file_of_line(list.parent_path(), rest);
     double value = 0;
@@ -205,13 +200,11 @@ Contents read_zip(const fs::path& path, const ReadOptions& options) {
     const fs::path inside = name.substr(prefix.size());
     const bool mask =
         in_small_letters(*inside.begin()) == "masks" || in_small_letters(inside) == "mask.png";
-    const fs::path first = *inside.begin();
-    const bool image =
-        imaging::is_image_file(inside) && (!inside.has_parent_path() || first == "images" ||
-                                           first == "images_1" || first == "frames");
-    const bool list = !inside.has_parent_path() &&
-                      (inside.extension() == ".txt" || inside.extension() == ".csv" ||
-                       inside.extension() == ".yaml");
+    // All that may be frames, lists or a calibration; not other recordings.
+    const std::string kind = in_small_letters(inside.extension().string());
+    const std::string first = in_small_letters((*inside.begin()).string());
+    const bool image = imaging::is_image_file(inside) || first == "images" || first == "frames";
+    const bool list = kind == ".txt" || kind == ".csv" || kind == ".yaml" || kind == ".npz";
     if (!(mask || image || list) || !stays_inside(inside)) continue;
     has_masks |= mask;
     fs::create_directories((folder->path() / inside).parent_path());

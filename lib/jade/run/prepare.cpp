@@ -2,6 +2,7 @@
 #include "jade/run/prepare.h"
 
 #include <cmath>
+#include <functional>
 #include <future>
 #include <utility>
 
@@ -10,7 +11,6 @@
 #include "jade/core/device.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
-#include "jade/core/progress.h"
 #include "jade/data/pattern_estimate.h"
 #include "jade/run/resume.h"
 #include "jade/run/thresholds.h"
@@ -70,15 +70,13 @@ Prepared prepare(const train::RunOptions& given, const std::filesystem::path& fo
   // Configured thresholds are only compared with measured ones, while the exposures are restored.
   std::future<data::ThresholdEstimate> measured;
   if (!state) {
-    const bool wait = options.events.threshold_positive.is_auto();
-    measured =
-        std::async(wait ? std::launch::deferred : std::launch::async,
-                   [&dataset, fingerprint = run.data.fingerprint, cache = options.cache] {
-                     return measure_thresholds(dataset, fingerprint, /*log_offset=*/0, cache);
-                   });
-    if (wait) {
-      const Progress progress("measuring thresholds", 1, 0, "data sets");
-      settle_thresholds(dataset, measured.get(), options);
+    const std::string& fingerprint = run.data.fingerprint;
+    if (options.events.threshold_positive.is_auto()) {
+      settle_thresholds(dataset, measure_thresholds(dataset, fingerprint, 0, options.cache),
+                        options);
+    } else {
+      measured = std::async(std::launch::async, measure_quietly, std::cref(dataset), fingerprint,
+                            /*log_offset=*/0, options.cache);
     }
     state = new_state(choices, budget, run);
   }

@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/core/progress.h"
 #include "jade/core/version.h"
 
 namespace jade::run {
@@ -70,7 +71,14 @@ std::string percent_explained(const data::ThresholdEstimate& e) {
 
 data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
                                            const std::string& fingerprint, double log_offset,
-                                           const restore::RestorationCacheOptions& cache_options) {
+                                           const restore::RestorationCacheOptions& cache) {
+  const Progress progress("measuring thresholds", 1, 0, "data sets");
+  return measure_quietly(dataset, fingerprint, log_offset, cache);
+}
+
+data::ThresholdEstimate measure_quietly(const data::Dataset& dataset,
+                                        const std::string& fingerprint, double log_offset,
+                                        const restore::RestorationCacheOptions& cache_options) {
   if (dataset.events.empty() || dataset.train.empty()) return {};
   restore::RestorationCache cache(cache_options);
   // Another version of the program may measure differently.

@@ -20,6 +20,11 @@ data::ThresholdEstimate measure_thresholds(const data::Dataset& dataset,
                                            const std::string& fingerprint, double log_offset,
                                            const restore::RestorationCacheOptions& cache);
 
+/// measure_thresholds() without a progress bar, for another thread.
+data::ThresholdEstimate measure_quietly(const data::Dataset& dataset,
+                                        const std::string& fingerprint, double log_offset,
+                                        const restore::RestorationCacheOptions& cache);
+
 /// One line that names the flip of an estimate and its cure; empty if it has none.
 std::string flip_warning(const data::Dataset& dataset, const data::ThresholdEstimate& estimate);
 
