@@ -102,6 +102,9 @@ void check_apart(const std::filesystem::path& list, const std::vector<FrameFile>
 /// @throws DataError if one cannot be read, they differ in size, or they do not fit into memory.
 void read_frames(std::vector<FrameFile> files, Recording& recording);
 
+/// Images directly in a folder; 0 also for one that is missing or may not be read.
+size_t count_images(const std::filesystem::path& folder);
+
 /// A mask for all frames beside them, not a frame.
 bool is_mask_of_all(const std::filesystem::path& image);
 

@@ -108,14 +108,6 @@ bool is_text(const fs::path& events) {
   return has_ending(name, ".txt") || has_ending(name, ".txt.gz");
 }
 
-size_t count_images(const fs::path& folder) {
-  try {
-    return is_folder(folder) ? imaging::list_images(folder).size() : 0;
-  } catch (const DataError&) {  // a folder that may not be read
-    return 0;
-  }
-}
-
 /// Folder of the images: one of the usual names, or the recording's own unless a folder in it has
 /// more images. Empty without images.
 fs::path images_in(const fs::path& folder) {

@@ -58,8 +58,8 @@ std::string side_of(const fs::path& images) {
   return "left";
 }
 
-/// Folders that may have lists: that of the images and, where names end as those of the layouts,
-/// the two above it.
+/// Folders that may have lists: that of the images and, while names have words of the layouts, the
+/// two above it.
 /// @param root  none above this one; empty: no limit
 std::vector<fs::path> folders_of(const fs::path& images, const fs::path& root) {
   const auto whole = [](const fs::path& folder) {
@@ -81,7 +81,7 @@ std::vector<fs::path> folders_of(const fs::path& images, const fs::path& root) {
   return out;
 }
 
-/// Whether one of the first two lines begins with a number or has one.
+/// Whether one of the first two lines has a number.
 bool has_numbers(const fs::path& list) {
   std::istringstream text(io::read_text(list));
   int lines = 0;

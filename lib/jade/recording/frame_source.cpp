@@ -90,15 +90,6 @@ std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& fol
   return out;
 }
 
-/// False also for a folder that may not be read.
-bool has_images(const fs::path& folder) {
-  try {
-    return !imaging::list_images(folder).empty();
-  } catch (const DataError&) {
-    return false;
-  }
-}
-
 /// For messages about a folder without images: a folder below it that has some, or its files of
 /// another kind; empty if there are neither.
 std::string unfound_images(const fs::path& folder) {
@@ -110,9 +101,9 @@ std::string unfound_images(const fs::path& folder) {
        entry.increment(error)) {
     std::error_code ignored;
     const std::string name = in_small_letters(entry->path().filename().string());
-    const bool hidden = name[0] == '.' || name == "masks";
-    if (hidden || entry.depth() >= kDeepest) entry.disable_recursion_pending();
-    if (!hidden && entry->is_directory(ignored) && has_images(entry->path()))
+    const bool is_passed = name[0] == '.' || name == "masks";
+    if (is_passed || entry.depth() >= kDeepest) entry.disable_recursion_pending();
+    if (!is_passed && entry->is_directory(ignored) && count_images(entry->path()) > 0)
       below.push_back(entry->path());
   }
   std::sort(below.begin(), below.end());
@@ -311,6 +302,14 @@ bool is_file(const fs::path& path) {
 bool is_folder(const fs::path& path) {
   std::error_code ignored;
   return fs::is_directory(path, ignored);
+}
+
+size_t count_images(const fs::path& folder) {
+  try {
+    return is_folder(folder) ? imaging::list_images(folder).size() : 0;
+  } catch (const DataError&) {
+    return 0;
+  }
 }
 
 std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root,

@@ -220,7 +220,7 @@ void add_hdf5_frames(const fs::path& path, const ReadOptions& options, Contents&
   for (size_t i = 0; i < times.size(); ++i) {
     throw_if_interrupted();
     if (!is_wanted(options, first_us, times[i])) continue;
-    char name[16];
+    char name[32];
     std::snprintf(name, sizeof name, "%06zu.png", i);
     const fs::path picture = contents.keep->path() / name;
     imaging::write_image(picture, read_picture(file, dataset, int64_t(i)));
