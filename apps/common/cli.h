@@ -133,7 +133,6 @@ class Program {
   /// The device of --device (default auto), for programs without a configuration.
   /// @throws ConfigError or DeviceError.
   torch::Device device() const;
-  const std::string& device_choice() const { return device_; }
   uint64_t seed() const { return seed_.value_or(0); }
 
  private:

@@ -108,7 +108,7 @@ void write_run_input(const run::Trainer& trainer, const std::filesystem::path& f
   write(folder, "log_scales", gaussians.log_scales);
   write(folder, "logit_opacities", gaussians.logit_opacities);
   write(folder, "sh", gaussians.sh);
-  response::CameraResponse response = trainer.state().response;
+  const auto& response = trainer.state().response;
   if (response) write(folder, "response", response->table());
   write_file(folder / "training.json", numbers_of(trainer).dump(2) + "\n");
 }

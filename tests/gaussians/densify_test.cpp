@@ -34,7 +34,10 @@ struct Fixture {
       return rows.expand_as(value).contiguous();
     };
     const splat::Gaussians tags = map_parameters(model.detached(), tagged);
-    adam.restore(tags, tags, torch::ones({1}, torch::kInt64));
+    for (int i = 0; i < kParameterCount; ++i) {
+      parameter(adam.first_moments(), i).copy_(parameter(tags, i));
+      parameter(adam.second_moments(), i).copy_(parameter(tags, i));
+    }
   }
 
   Densifier densifier(const DensifyOptions& options) {

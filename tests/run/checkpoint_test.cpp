@@ -41,14 +41,14 @@ TEST_CASE("checkpoint: maps of another number of views are refused", "[run]") {
   options.objective.target = losses::Target::kRouted;
   options.allocation.kind = router::AllocationKind::kPerViewMap;
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  run::save_checkpoint(scene.dir / "run", train::make_state(options, dataset, torch::kCPU),
-                       {"config", "data", ""}, 1);
+  const train::TrainState state = train::make_state(options, dataset, torch::kCPU);
+  run::write_checkpoint(scene.dir / "run", run::checkpoint_of(state, {"config", "data", ""}), 1);
   const auto load = [&](int64_t views) {
     run::load_checkpoint_allocation(run::checkpoint_path(scene.dir / "run", 0), *maps(views));
   };
   CHECK_NOTHROW(load(3));
   CHECK_THROWS_AS(load(4), CheckpointError);
-  CHECK_THROWS_NAMING(CheckpointError, load(2), "2 parameters", "'allocation'", "3");
+  CHECK_THROWS_NAMING(CheckpointError, load(2), "2 tensors", "allocation", "3");
 }
 
 TEST_CASE("checkpoint: the data's fingerprint knows frames, times, poses, cameras and events",
@@ -81,4 +81,31 @@ TEST_CASE("checkpoint: the data's fingerprint knows frames, times, poses, camera
   data::Dataset gray = dataset;
   gray.monochrome = true;
   CHECK(run::data_fingerprint(gray) != fingerprint);
+}
+
+TEST_CASE("checkpoint: a copy of the state, which may change while it is written", "[run]") {
+  const test::TinyScene scene;
+  const train::RunOptions options = test::tiny_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const train::TrainState state = train::make_state(options, dataset, torch::kCPU);
+  const torch::Tensor means = state.gaussians.parameters().means.detach();
+  const torch::Tensor before = means.clone();
+  const run::Checkpoint checkpoint = run::checkpoint_of(state, {"config", "data", ""});
+  means.add_(1);
+  run::write_checkpoint(scene.dir / "run", checkpoint, 1);
+  const auto path = run::checkpoint_path(scene.dir / "run", 0);
+  CHECK(run::load_checkpoint_scene(path).gaussians.means.equal(before));
+}
+
+TEST_CASE("checkpoint: another format is refused by its version", "[run]") {
+  const test::TinyScene scene;
+  const train::RunOptions options = test::tiny_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  run::Checkpoint checkpoint =
+      run::checkpoint_of(train::make_state(options, dataset, torch::kCPU), {"config", "data", ""});
+  checkpoint.at("format_version").fill_(1);
+  run::write_checkpoint(scene.dir / "run", checkpoint, 1);
+  const auto path = run::checkpoint_path(scene.dir / "run", 0);
+  CHECK_THROWS_NAMING(CheckpointError, run::read_checkpoint_info(path), path.filename().string(),
+                      "format 2", "found 1");
 }

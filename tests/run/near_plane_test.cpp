@@ -5,11 +5,9 @@
 #include <cmath>
 #include <torch/types.h>
 
-#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/dataset.h"
 #include "jade/imaging/image_io.h"
-#include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/trainer.h"
 #include "jade/train/scene_step.h"
@@ -32,12 +30,6 @@ struct ShortRun : test::TinyScene {
     options.train.iterations = 3;
   }
 };
-
-std::string without_line(std::string text, const std::string& key) {
-  const size_t at = text.find("  " + key + ":");
-  REQUIRE(at != std::string::npos);
-  return text.erase(at, text.find('\n', at) + 1 - at);
-}
 
 }  // namespace
 
@@ -85,21 +77,4 @@ TEST_CASE("near plane: a run writes what it decided, and keeps it on resume", "[
   scene.options.splat.near_plane = 0.3;
   CHECK_THROWS_WITH(run::Trainer(scene.options, scene.run, "latest"),
                     Catch::Contains("splat.near_plane: 0.2 -> 0.3"));
-}
-
-TEST_CASE("near plane: a run of a version without the key goes on as it was", "[run]") {
-  ShortRun scene;
-  {
-    scene.options.splat.near_plane = 0.01;
-    run::Trainer old(scene.options, scene.run, "");
-    while (old.state().step < 3) old.step(), old.densify();
-    const std::string config = without_line(read_file(scene.run / "config.yaml"), "near_plane");
-    const std::string data = run::data_fingerprint(data::load_dataset(scene.options.dataset));
-    run::save_checkpoint(scene.run, old.state(), {config, data, ""}, 1);
-  }
-  scene.options.splat.near_plane = 0;
-  run::Trainer(scene.options, scene.run, "latest");
-  const train::RunOptions now = run::load_run_options(scene.run);
-  CHECK(now.splat.near_plane == 0);
-  CHECK(train::render_options(now).near_plane == 0.01);
 }

@@ -137,9 +137,9 @@ TEST_CASE("pace: what a run chose stands in its config.yaml, and a resumed one g
     CHECK(trainer.options().exposure.samples == 9);
     CHECK_THAT(read_file(folder / "config.yaml"),
                Catch::Contains("iterations: 2000") && Catch::Contains("samples: 9"));
-    run::save_checkpoint(
-        folder, trainer.state(),
-        {read_file(folder / "config.yaml"), run::data_fingerprint(trainer.dataset()), ""}, 1);
+    const std::string config = read_file(folder / "config.yaml");
+    const std::string data = run::data_fingerprint(trainer.dataset());
+    run::write_checkpoint(folder, run::checkpoint_of(trainer.state(), {config, data, ""}), 1);
   }
   const run::Trainer again(options, folder, "latest", choices);
   CHECK(again.options().train.iterations == 2000);

@@ -113,7 +113,8 @@ TEST_CASE("trainer: a deterministic run on a GPU resumes to the bit", "[run][cud
   CHECK(test::differing_entries(run::checkpoint_path(resumed, 30), end) == std::set<std::string>());
   CHECK(read_file(whole / "point_cloud.ply") == read_file(resumed / "point_cloud.ply"));
   const auto moved = test::differing_entries(middle, end);
-  for (const char* prefix : {"gaussians.", "allocation.router.", "allocation.adam.", "crf.adam."}) {
+  for (const char* prefix : {"state.gaussians.", "state.allocation.module.",
+                             "state.allocation.adam.", "state.response.adam."}) {
     INFO(prefix);
     CHECK(test::any_begins_with(moved, prefix));
   }

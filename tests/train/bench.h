@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -98,6 +99,14 @@ inline std::string names_of(const std::vector<losses::NamedTerm>& terms) {
   std::string names;
   for (const losses::NamedTerm& term : terms) names += term.name + " ";
   return names;
+}
+
+/// The tensors of an optimiser by name.
+template <class Adam>
+std::map<std::string, torch::Tensor> tensors_of(const Adam& adam) {
+  std::map<std::string, torch::Tensor> all;
+  adam.visit([&](const std::string& name, const torch::Tensor& tensor) { all[name] = tensor; });
+  return all;
 }
 
 inline std::vector<torch::Tensor> adam_state(const train::TrainState& state) {

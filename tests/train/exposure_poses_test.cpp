@@ -161,7 +161,7 @@ TEST_CASE("exposure poses: of a correction, one that a step did not see moves wi
   PoseBench bench(scene, learned(PosePath::kCubic, PoseStart::kData));
   bench.step(bench.inputs(0, 1));
   bench.step(bench.inputs(1, 2));
-  const train::RowAdamState& adam = bench.state.poses_adam.state();
+  const train::RowAdamState& adam = bench.state.poses.adam.state();
   const torch::Tensor first = adam.first[0].clone();
   const torch::Tensor before = bench.twists();
   bench.step(bench.inputs(1, 3));
@@ -197,7 +197,7 @@ TEST_CASE("exposure poses: a drift of all cameras stays zero while relative moti
   train::RowAdam adam(poses.twists());
   for (int64_t step = 0; step < 900; ++step) {
     const int64_t view = step % 3;
-    adam.zero_grad();
+    poses.twists().mutable_grad() = torch::Tensor();
     (poses.twists()[view] - (apart + drift)[view]).square().sum().backward();
     adam.accumulate(pick(view));
     adam.update(0.01 * std::pow(0.995, static_cast<double>(step)));
@@ -219,7 +219,7 @@ TEST_CASE("exposure poses: L_ev moves them through its own two cameras", "[train
       bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
       bench.options.objective.event_loss_weight = weight;
       bench.alternate(in);
-      return bench.state.poses_adam.state().gradient.clone();
+      return bench.state.poses.adam.state().gradient.clone();
     };
     const torch::Tensor without = gradient(0), with = gradient(0.1);
     CHECK(test::largest(with[1] - without[1]) > 1e-9);

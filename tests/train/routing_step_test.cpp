@@ -62,10 +62,11 @@ TEST_CASE("routing step: on one view leaves the maps of the others and their Ada
   };
   /// A view's map, its two moments and its step count.
   const auto state_of = [&](size_t view) {
-    const auto adam = bench.state.allocation_adam.state();
+    const auto adam = test::tensors_of(bench.state.allocation.adam);
     REQUIRE(adam.size() == 9);
+    const auto of = [&](const char* name) { return adam.at(concat(name, view)); };
     return copies(
-        std::vector<torch::Tensor>{maps[view], adam[view], adam[3 + view], adam[6 + view]});
+        std::vector<torch::Tensor>{maps[view], of("first."), of("second."), of("steps.")});
   };
   const torch::Tensor untouched = alpha_of(2);
   step_on(0);
@@ -109,7 +110,7 @@ struct DrawnRouting {
       if (tensor.defined() && tensor.is_floating_point()) tensor = tensor.to(torch::kFloat64);
     });
     state.allocation->to(torch::kFloat64);
-    state.allocation_adam = train::ModuleAdam(state.allocation->parameters(), 1e-12);
+    state.allocation.adam = train::ModuleAdam(state.allocation->parameters(), 1e-12);
   }
 
   /// Eq. (6) at a pose, written out.
@@ -131,7 +132,7 @@ TEST_CASE("routing step: at a drawn pose the gradient is that of Eq. (6) there",
   DrawnRouting routing(kPose);
   train::StepPlan plan = train::plan_step(routing.options, routing.inputs.step);
   REQUIRE(plan.objective.drawn_target);
-  routing.state.allocation_adam.zero_grad();
+  routing.state.allocation.adam.zero_grad();
   const auto report = train::routing_step(routing.state, routing.inputs,
                                           train::routing_alpha(routing.state, routing.inputs, plan),
                                           routing.renders, plan, routing.options.route);

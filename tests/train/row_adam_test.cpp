@@ -7,6 +7,7 @@
 
 #include "jade/core/error.h"
 #include "jade/train/module_adam.h"
+#include "train/bench.h"
 
 using namespace jade;
 
@@ -28,7 +29,7 @@ struct Rows {
     gradient[row].copy_(size * torch::linspace(-1, 2, 12, torch::kFloat64).view({2, 6}));
     parameter.mutable_grad() = gradient;
     adam.accumulate(torch::tensor({row}, torch::kInt64));
-    adam.zero_grad();
+    parameter.mutable_grad() = torch::Tensor();
   }
   torch::Tensor row(int64_t i) const { return parameter.detach()[i].clone(); }
 };
@@ -88,8 +89,7 @@ TEST_CASE("row Adam: gradients wait and add up until the update, which leaves no
   CHECK(added.row(0).equal(rest));
 }
 
-TEST_CASE("row Adam: goes on from its state to the bit, with gradients that wait or none",
-          "[train]") {
+TEST_CASE("row Adam: goes on from its state to the bit, with gradients that wait", "[train]") {
   Rows whole(5), resumed(5);
   whole.see(0, 1);
   whole.see(1, 2);
@@ -99,18 +99,11 @@ TEST_CASE("row Adam: goes on from its state to the bit, with gradients that wait
     const torch::NoGradGuard no_grad;
     resumed.parameter.copy_(whole.parameter);
   }
-  resumed.adam.restore(whole.adam.state());
+  auto target = test::tensors_of(resumed.adam);
+  for (const auto& [name, tensor] : test::tensors_of(whole.adam)) target.at(name).copy_(tensor);
   for (Rows* each : {&whole, &resumed}) {
     each->see(2, 1);
     each->adam.update(0.1);
   }
   CHECK(resumed.parameter.equal(whole.parameter));
-
-  const train::RowAdamState& state = whole.adam.state();
-  Rows idle(5);
-  idle.see(0, 1);
-  idle.adam.restore({state.first, state.second, state.steps, {}, {}});
-  CHECK(idle.adam.state().seen.sum().item<int64_t>() == 0);
-  CHECK_THROWS_AS(idle.adam.restore({state.first[0], state.second, state.steps, {}, {}}),
-                  ContractError);
 }

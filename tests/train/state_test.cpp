@@ -99,8 +99,8 @@ TEST_CASE("visit: the state names all that a step writes", "[train]") {
   });
   for (const char* part :
        {"gaussians", "gaussian_adam.first", "gaussian_adam.second", "gaussian_adam", "densifier",
-        "allocation_adam", "response_adam", "poses.twists", "poses_adam.first", "poses_adam.second",
-        "poses_adam.steps", "poses_adam.gradient", "poses_adam.seen"}) {
+        "allocation.adam.first", "response.adam.first", "poses.module.twists", "poses.adam.first",
+        "poses.adam.second", "poses.adam.steps", "poses.adam.gradient", "poses.adam.seen"}) {
     INFO(part);
     CHECK(changed.count(part) == 1);
   }
@@ -114,8 +114,8 @@ TEST_CASE("state: the modules follow the options", "[train]") {
   CHECK(plain.gaussians.size() == 300);
   CHECK(plain.gaussians.extent() > 0);
   CHECK_FALSE(plain.allocation);
-  CHECK(plain.allocation_adam.empty());
-  CHECK_FALSE(plain.response_adam.empty());
+  CHECK(plain.allocation.adam.empty());
+  CHECK_FALSE(plain.response.adam.empty());
   CHECK_FALSE(plain.poses);
   options.objective.target = losses::Target::kRouted;
   options.allocation.kind = router::AllocationKind::kConstant;
@@ -123,9 +123,9 @@ TEST_CASE("state: the modules follow the options", "[train]") {
   options.poses.optimize = train::PosePath::kLinear;
   const train::TrainState other = train::make_state(options, dataset, torch::kCPU);
   CHECK(other.allocation);
-  CHECK(other.allocation_adam.empty());
-  CHECK(other.response_adam.empty());
-  CHECK_FALSE(other.poses_adam.empty());
+  CHECK(other.allocation.adam.empty());
+  CHECK(other.response.adam.empty());
+  CHECK_FALSE(other.poses.adam.empty());
   options.response.enabled = false;
   CHECK_FALSE(train::make_state(options, dataset, torch::kCPU).response);
 }

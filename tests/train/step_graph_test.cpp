@@ -249,8 +249,8 @@ TEST_CASE("step graph: learned poses take the gradients of replays as of eager s
     other.view = eager.views[static_cast<size_t>(view)];
     graph.run(recorded.state, in, recorded.plan(step), recorded.options);
     train::alternate(eager.state, other, eager.plan(step), eager.options);
-    const train::RowAdamState& a = recorded.state.poses_adam.state();
-    const train::RowAdamState& b = eager.state.poses_adam.state();
+    const train::RowAdamState& a = recorded.state.poses.adam.state();
+    const train::RowAdamState& b = eager.state.poses.adam.state();
     INFO(step);
     CHECK(a.seen.equal(b.seen));
     CHECK(b.seen.sum().item<int64_t>() == (step - 21) % 3 + 1);
@@ -258,7 +258,9 @@ TEST_CASE("step graph: learned poses take the gradients of replays as of eager s
     if ((step - 20) % 3 != 0) continue;
     // Adam turns any gradient into a whole step, so both must start from the same one.
     const torch::NoGradGuard no_grad;
-    recorded.state.poses_adam.restore(b);
+    for (const auto& [name, tensor] : test::tensors_of(eager.state.poses.adam)) {
+      test::tensors_of(recorded.state.poses.adam).at(name).copy_(tensor);
+    }
     const torch::Tensor before = eager.state.poses->twists().detach().clone();
     train::update_exposures(recorded.state, recorded.options, 3);
     train::update_exposures(eager.state, eager.options, 3);

@@ -153,15 +153,16 @@ class Densifier {
 
   const DensifyOptions& options() const { return options_; }
   at::Generator& generator() { return generator_; }
+  const at::Generator& generator() const { return generator_; }
   /// The accumulators, for RenderOptions.statistics of steps with keeps_statistics(), and for
   /// checkpoints; undefined if no strategy reads them.
   const splat::ScreenStatistics& accumulated() const { return statistics_; }
-  void restore(const splat::ScreenStatistics& statistics) { statistics_ = statistics; }
+  /// Zeroes the accumulators, one per Gaussian of the model.
+  void reset_statistics(const GaussianModel& model);
 
  private:
   bool densify_due(int64_t step) const;
   bool opacity_reset_due(int64_t step) const;
-  void reset_statistics(const GaussianModel& model);
   DensifyReport update_adc(int64_t step, double gradient_threshold, GaussianModel& model,
                            GaussianAdam& adam);
   DensifyReport update_mcmc(GaussianModel& model, GaussianAdam& adam);

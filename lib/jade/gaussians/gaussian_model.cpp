@@ -56,10 +56,6 @@ splat::Gaussians GaussianModel::gradients() const {
   return map_parameters(parameters_, [](const torch::Tensor& value) { return value.grad(); });
 }
 
-void GaussianModel::zero_grad() {
-  for (int i = 0; i < kParameterCount; ++i) parameter(parameters_, i).mutable_grad().reset();
-}
-
 splat::Gaussians GaussianModel::detached() const {
   return map_parameters(parameters_, [](const torch::Tensor& value) { return value.detach(); });
 }

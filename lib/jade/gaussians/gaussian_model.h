@@ -40,8 +40,6 @@ class GaussianModel {
 
   /// Gradients of the last backward pass; undefined tensors if there are none.
   splat::Gaussians gradients() const;
-  /// Drops all gradients (sets them to undefined).
-  void zero_grad();
 
   /// Returns the parameters themselves without gradient, for rendering, saving and tests.
   splat::Gaussians detached() const;

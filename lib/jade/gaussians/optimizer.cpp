@@ -113,22 +113,4 @@ void GaussianAdam::reset_rows(const torch::Tensor& rows) {
   }
 }
 
-void GaussianAdam::restore(const splat::Gaussians& first, const splat::Gaussians& second,
-                           const torch::Tensor& step_count) {
-  check_shape(step_count, "step_count", {1});
-  for (int i = 0; i < kParameterCount; ++i) {
-    const auto shape = parameter(first_, i).sizes().vec();
-    check_shape(parameter(first, i), concat("first moment of ", kParameterNames[size_t(i)]), shape);
-    check_shape(parameter(second, i), concat("second moment of ", kParameterNames[size_t(i)]),
-                shape);
-  }
-  const auto device = step_count_.device();
-  const auto copy = [&](const torch::Tensor& value) {
-    return value.detach().to(device, torch::kFloat32).clone();
-  };
-  first_ = map_parameters(first, copy);
-  second_ = map_parameters(second, copy);
-  step_count_ = step_count.detach().to(device, torch::kInt64).clone();
-}
-
 }  // namespace jade::gaussians

@@ -82,10 +82,6 @@ class GaussianAdam {
   /// Zeroes the moments of the rows `rows` (int64 [M]) in every parameter.
   void reset_rows(const torch::Tensor& rows);
 
-  /// Restores a checkpoint. @throws ContractError unless the shapes match the model.
-  void restore(const splat::Gaussians& first, const splat::Gaussians& second,
-               const torch::Tensor& step_count);
-
  private:
   OptimOptions options_;
   double extent_ = 1;

@@ -8,24 +8,22 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <map>
 #include <torch/serialize.h>
 #include <torch/serialize/archive.h>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/digest.h"
-#include "jade/geometry/origin.h"
 
 namespace jade::run {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int64_t kFormatVersion = 1;
+constexpr int64_t kFormatVersion = 2;
 
-/// All entries by name, in a fixed order; texts are byte tensors.
-using Entries = std::map<std::string, torch::Tensor>;
+/// Prefix of the names of a state's tensors.
+constexpr char kState[] = "state.";
 
 torch::Tensor bytes_of(const std::string& text) {
   return torch::from_blob(const_cast<char*>(text.data()), {static_cast<int64_t>(text.size())},
@@ -37,7 +35,7 @@ std::string text_of(const torch::Tensor& bytes) {
   return {static_cast<const char*>(bytes.data_ptr()), static_cast<size_t>(bytes.numel())};
 }
 
-std::string digest_of(const Entries& entries) {
+std::string digest_of(const Checkpoint& entries) {
   Sha256 digest;
   for (const auto& [name, tensor] : entries) {
     digest.update(concat(name, tensor.scalar_type(), shape_string(tensor), ";"));
@@ -46,56 +44,11 @@ std::string digest_of(const Entries& entries) {
   return digest.hex();
 }
 
-/// The tensors of a state by name; which exist depends on the options alone.
-Entries entries_of(const train::TrainState& state) {
-  Entries all;
-  const auto put = [&](const std::string& name, const torch::Tensor& tensor) {
-    if (tensor.defined()) all[name] = tensor.detach().cpu().contiguous();
-  };
-  for (int i = 0; i < gaussians::kParameterCount; ++i) {
-    const std::string name = gaussians::kParameterNames[i];
-    put("gaussians." + name, gaussians::parameter(state.gaussians.parameters(), i));
-    put("adam.first." + name, gaussians::parameter(state.gaussian_adam.first_moments(), i));
-    put("adam.second." + name, gaussians::parameter(state.gaussian_adam.second_moments(), i));
-  }
-  put("adam.step", state.gaussian_adam.step_count());
-  put("extent", torch::tensor(state.gaussians.extent(), torch::kFloat64));
-  put("densify.gradient_norm", state.densifier.accumulated().gradient_norm);
-  put("densify.visible_count", state.densifier.accumulated().visible_count);
-  put("densify.max_radius_px", state.densifier.accumulated().max_radius_px);
-  put("densify.generator", const_cast<train::TrainState&>(state).densifier.generator().get_state());
-  const auto put_parameters = [&](const std::string& prefix, const torch::nn::Module& module) {
-    for (const auto& parameter : module.named_parameters())
-      put(prefix + "." + parameter.key(), parameter.value());
-  };
-  const auto put_module = [&](const std::string& prefix, const torch::nn::Module& module,
-                              const train::ModuleAdam& adam) {
-    put_parameters(prefix, module);
-    const auto moments = adam.state();
-    for (size_t i = 0; i < moments.size(); ++i) put(concat(prefix, ".adam.", i), moments[i]);
-  };
-  if (state.allocation) put_module("allocation", *state.allocation, state.allocation_adam);
-  if (state.response) put_module("crf", *state.response, state.response_adam);
-  const auto put_rows = [&](const std::string& prefix, const torch::nn::Module& module,
-                            const train::RowAdam& rows) {
-    put_parameters(prefix, module);
-    if (rows.empty()) return;
-    const train::RowAdamState& adam = rows.state();
-    put(prefix + ".adam.0", adam.first);
-    put(prefix + ".adam.1", adam.second);
-    put(prefix + ".adam.2", adam.steps);
-  };
-  if (state.poses) put_rows("poses", *state.poses, state.poses_adam);
-  if (state.gains) put_rows("gains", *state.gains, state.gains_adam);
-  if (state.pattern) put_module("pattern", *state.pattern, state.pattern_adam);
-  return all;
-}
-
-Entries read_archive(const fs::path& path) {
+Checkpoint read_archive(const fs::path& path) {
   if (!fs::exists(path)) {
     throw CheckpointError(path.string() + ": expected a checkpoint, found no such file");
   }
-  Entries all;
+  Checkpoint all;
   try {
     torch::serialize::InputArchive archive;
     archive.load_from(path.string(), torch::kCPU);
@@ -132,70 +85,56 @@ Entries read_archive(const fs::path& path) {
   return all;
 }
 
-torch::Tensor take(const Entries& entries, const std::string& name, const fs::path& path) {
+torch::Tensor take(const Checkpoint& entries, const std::string& name, const fs::path& path) {
   const auto found = entries.find(name);
   if (found == entries.end()) {
-    throw CheckpointError(concat(path.string(), ": lacks '", name,
-                                 "'; it was made with other options or by an older program"));
+    throw CheckpointError(
+        concat(path.string(), ": lacks '", name, "'; it was made with other options"));
   }
   return found->second;
 }
 
-splat::Gaussians take_gaussians(const Entries& entries, const std::string& prefix,
-                                const fs::path& path) {
+splat::Gaussians take_gaussians(const Checkpoint& entries, const fs::path& path) {
   splat::Gaussians gaussians;
   for (int i = 0; i < gaussians::kParameterCount; ++i) {
     gaussians::parameter(gaussians, i) =
-        take(entries, prefix + gaussians::kParameterNames[i], path);
+        take(entries, concat(kState, "gaussians.", gaussians::kParameterNames[i]), path);
   }
   return gaussians;
 }
 
-/// Number of a module's parameters in a checkpoint.
-int64_t parameter_count(const Entries& entries, const std::string& prefix) {
-  return std::count_if(entries.begin(), entries.end(), [&](const auto& entry) {
-    const auto begins_with = [&](const std::string& start) {
-      return entry.first.rfind(prefix + start, 0) == 0;
-    };
-    return begins_with(".") && !begins_with(".adam.");
-  });
-}
-
-void restore_parameters(const Entries& entries, const std::string& prefix,
-                        torch::nn::Module& module, const fs::path& path) {
+/// Copies the entries whose names begin with `prefix` to the tensors that `visit` names.
+/// @throws CheckpointError if an entry is missing, left over or of another shape.
+template <class Visit>
+void restore(const Checkpoint& entries, const std::string& prefix, const Visit& visit,
+             const fs::path& path) {
   const torch::NoGradGuard no_grad;
-  for (auto& parameter : module.named_parameters()) {
-    const torch::Tensor saved = take(entries, prefix + "." + parameter.key(), path);
-    if (saved.sizes() != parameter.value().sizes()) {
-      throw CheckpointError(concat(path.string(), ": ", prefix, ".", parameter.key(), " has shape ",
-                                   shape_string(saved), ", expected ",
-                                   shape_string(parameter.value())));
+  int64_t expected = 0;
+  visit([&](const std::string& name, const torch::Tensor& tensor) {
+    if (!tensor.defined()) return;
+    ++expected;
+    const torch::Tensor saved = take(entries, prefix + name, path);
+    if (saved.sizes() != tensor.sizes()) {
+      throw CheckpointError(concat(path.string(), ": ", prefix, name, " has shape ",
+                                   shape_string(saved), ", expected ", shape_string(tensor)));
     }
-    parameter.value().copy_(saved);
-  }
-  const int64_t found = parameter_count(entries, prefix);
-  const auto expected = static_cast<int64_t>(module.named_parameters().size());
+    tensor.copy_(saved);
+  });
+  const auto found = std::count_if(entries.begin(), entries.end(), [&](const auto& entry) {
+    return entry.first.rfind(prefix, 0) == 0;
+  });
   if (found != expected) {
-    throw CheckpointError(concat(path.string(), ": expected ", expected, " parameters of '", prefix,
+    throw CheckpointError(concat(path.string(), ": expected ", expected, " tensors of '", prefix,
                                  "', found ", found, "; it was made from other data"));
   }
 }
 
-void restore_module(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
-                    train::ModuleAdam& adam, const fs::path& path) {
-  restore_parameters(entries, prefix, module, path);
-  std::vector<torch::Tensor> moments = adam.state();
-  for (size_t i = 0; i < moments.size(); ++i)
-    moments[i] = take(entries, concat(prefix, ".adam.", i), path);
-  adam.restore(moments);
-}
-
-void restore_rows(const Entries& entries, const std::string& prefix, torch::nn::Module& module,
-                  train::RowAdam& adam, const fs::path& path) {
-  restore_parameters(entries, prefix, module, path);
-  if (adam.empty()) return;
-  const auto of_adam = [&](int i) { return take(entries, concat(prefix, ".adam.", i), path); };
-  adam.restore({of_adam(0), of_adam(1), of_adam(2), {}, {}});
+/// restore() of a module of the state.
+void restore_module(const std::string& name, const torch::nn::Module& module,
+                    const fs::path& path) {
+  restore(
+      read_archive(path), concat(kState, name, ".module."),
+      [&](const auto& visitor) { train::visit_module(visitor, module); }, path);
 }
 
 }  // namespace
@@ -236,24 +175,33 @@ int64_t set_aside_checkpoints(const fs::path& run, int64_t step) {
   return count;
 }
 
-void save_checkpoint(const fs::path& run, const train::TrainState& state,
-                     const CheckpointInfo& info, int64_t keep) {
-  make_writable_folder(run / "checkpoints");
-  Entries all = entries_of(state);
-  all["format_version"] = torch::tensor(kFormatVersion);
-  all["step"] = torch::tensor(state.step);
-  all["config"] = bytes_of(info.config);
-  all["data_fingerprint"] = bytes_of(info.fingerprint);
-  if (!info.restorer_sha256.empty()) all["restorer_sha256"] = bytes_of(info.restorer_sha256);
-  if (!geometry::is_zero(info.origin)) {
-    all["origin"] =
-        torch::tensor({info.origin[0], info.origin[1], info.origin[2]}, torch::kFloat64);
-  }
-  all["sha256"] = bytes_of(digest_of(all));
+Checkpoint checkpoint_of(const train::TrainState& state, const CheckpointInfo& info) {
+  Checkpoint all;
+  const auto put = [&](const std::string& name, const torch::Tensor& tensor) {
+    if (!tensor.defined()) return;
+    all[name] = tensor.detach().to(torch::kCPU, tensor.scalar_type(), /*non_blocking=*/false,
+                                   /*copy=*/true);
+  };
+  state.visit(
+      [&](const std::string& name, const torch::Tensor& tensor) { put(kState + name, tensor); });
+  put("extent", torch::tensor(state.gaussians.extent(), torch::kFloat64));
+  put("generator", state.densifier.generator().get_state());
+  put("step", torch::tensor(state.step));
+  put("format_version", torch::tensor(kFormatVersion));
+  put("config", bytes_of(info.config));
+  put("data_fingerprint", bytes_of(info.fingerprint));
+  put("restorer_sha256", bytes_of(info.restorer_sha256));
+  put("origin", torch::tensor(at::ArrayRef<double>(info.origin), torch::kFloat64));
+  return all;
+}
 
+void write_checkpoint(const fs::path& run, Checkpoint all, int64_t keep) {
+  make_writable_folder(run / "checkpoints");
+  all["sha256"] = bytes_of(digest_of(all));
   torch::serialize::OutputArchive archive;
   for (const auto& [name, tensor] : all) archive.write(name, c10::IValue(tensor));
-  AtomicFile file(checkpoint_path(run, state.step));
+  const fs::path path = checkpoint_path(run, all.at("step").item<int64_t>());
+  AtomicFile file(path);
   {
     std::ofstream out(file.temporary_path(), std::ios::binary);
     archive.save_to([&out](const void* data, size_t bytes) -> size_t {
@@ -263,7 +211,7 @@ void save_checkpoint(const fs::path& run, const train::TrainState& state,
     out.close();
     if (!out) {
       throw DataError(
-          concat(checkpoint_path(run, state.step).string(),
+          concat(path.string(),
                  ": cannot be written; is the disk full? Free some space and go on with --resume"));
     }
   }
@@ -274,129 +222,93 @@ void save_checkpoint(const fs::path& run, const train::TrainState& state,
 
 namespace {
 
-/// Scenes that were never moved have no entry.
-geometry::Vector3 origin_in(const Entries& all) {
-  const auto found = all.find("origin");
-  if (found == all.end() || found->second.numel() != 3) return {0, 0, 0};
-  const auto at = [&](int64_t axis) { return found->second[axis].item<double>(); };
+geometry::Vector3 origin_in(const Checkpoint& all, const fs::path& path) {
+  const torch::Tensor origin = take(all, "origin", path);
+  const auto at = [&](int64_t axis) { return origin[axis].item<double>(); };
   return {at(0), at(1), at(2)};
 }
 
 }  // namespace
 
 CheckpointInfo read_checkpoint_info(const fs::path& path) {
-  const Entries all = read_archive(path);
-  CheckpointInfo info{
-      text_of(take(all, "config", path)), text_of(take(all, "data_fingerprint", path)), {}};
-  if (const auto found = all.find("restorer_sha256"); found != all.end()) {
-    info.restorer_sha256 = text_of(found->second);
-  }
-  info.origin = origin_in(all);
-  return info;
+  const Checkpoint all = read_archive(path);
+  const auto text = [&](const char* name) { return text_of(take(all, name, path)); };
+  return {text("config"), text("data_fingerprint"), text("restorer_sha256"), origin_in(all, path)};
 }
 
 void load_checkpoint(const fs::path& path, train::TrainState& state) {
-  const Entries all = read_archive(path);
-  const double extent = take(all, "extent", path).item<double>();
-  const torch::Device device = state.gaussians.device();
+  const Checkpoint all = read_archive(path);
+  // Tensors with one row per Gaussian, which the rest is copied to.
   state.gaussians =
-      gaussians::GaussianModel(take_gaussians(all, "gaussians.", path), extent, device);
+      gaussians::GaussianModel(take_gaussians(all, path), take(all, "extent", path).item<double>(),
+                               state.gaussians.device());
   state.gaussian_adam = gaussians::GaussianAdam(state.gaussians, state.gaussian_adam.options(),
                                                 state.gaussian_adam.monochrome());
-  const auto on_device = [&](const torch::Tensor& tensor) { return tensor.to(device); };
-  state.gaussian_adam.restore(
-      gaussians::map_parameters(take_gaussians(all, "adam.first.", path), on_device),
-      gaussians::map_parameters(take_gaussians(all, "adam.second.", path), on_device),
-      take(all, "adam.step", path).to(device));
-  state.densifier.generator().set_state(take(all, "densify.generator", path));
-  splat::ScreenStatistics statistics;
-  if (all.count("densify.gradient_norm") != 0) {
-    statistics = {take(all, "densify.gradient_norm", path).to(device),
-                  take(all, "densify.visible_count", path).to(device),
-                  take(all, "densify.max_radius_px", path).to(device)};
-  }
-  state.densifier.restore(statistics);
-  if (state.allocation)
-    restore_module(all, "allocation", *state.allocation, state.allocation_adam, path);
-  if (state.response) restore_module(all, "crf", *state.response, state.response_adam, path);
-  if (state.poses) restore_rows(all, "poses", *state.poses, state.poses_adam, path);
-  if (state.gains) restore_rows(all, "gains", *state.gains, state.gains_adam, path);
-  if (state.pattern) restore_module(all, "pattern", *state.pattern, state.pattern_adam, path);
+  state.densifier.reset_statistics(state.gaussians);
+  restore(
+      all, kState, [&](const auto& visitor) { state.visit(visitor); }, path);
+  state.densifier.generator().set_state(take(all, "generator", path));
   state.step = take(all, "step", path).item<int64_t>();
 }
 
 gaussians::GaussianFile load_checkpoint_scene(const fs::path& path) {
-  const Entries all = read_archive(path);
+  const Checkpoint all = read_archive(path);
   gaussians::GaussianFile file;
-  file.gaussians = take_gaussians(all, "gaussians.", path);
-  file.origin = origin_in(all);
+  file.gaussians = take_gaussians(all, path);
+  file.origin = origin_in(all, path);
   return file;
 }
 
 void load_checkpoint_allocation(const fs::path& path, router::Allocation& allocation) {
-  train::ModuleAdam none;
-  restore_module(read_archive(path), "allocation", allocation, none, path);
+  restore_module("allocation", allocation, path);
 }
 
 void load_checkpoint_poses(const fs::path& path, train::ExposurePoses& poses) {
-  restore_parameters(read_archive(path), "poses", poses, path);
+  restore_module("poses", poses, path);
 }
 
 namespace {
 
-/// Adds all that a fingerprint covers of one exposure.
-void add_exposure(const data::Exposure& exposure, FingerprintOf what, Sha256& digest) {
+/// SHA-256 over all that a fingerprint covers of one exposure.
+std::string digest_of(const data::Exposure& exposure) {
+  Sha256 digest;
   const auto add = [&](const auto& numbers) {
     digest.update(numbers.data(), numbers.size() * sizeof(numbers[0]));
   };
+  const auto add_tensor = [&](const torch::Tensor& tensor) {
+    const torch::Tensor whole = tensor.contiguous();
+    digest.update(whole.const_data_ptr(), whole.nbytes());
+  };
+  const events::EventStream& events = exposure.events;
+  const geometry::Intrinsics& camera = exposure.camera;
   digest.update(concat(exposure.name, ' ', exposure.t_start_us, ' ', exposure.t_end_us, ' ',
-                       exposure.events.size(), ';'));
-  const auto pixels = exposure.blurry.contiguous();
-  digest.update(pixels.data_ptr(), pixels.nbytes());
+                       events.size(), ' ', exposure.gain, ';'));
+  add_tensor(exposure.blurry);
   for (const geometry::Pose& pose : exposure.poses) {
     add(pose.rotation);
     add(pose.translation);
   }
-  if (what == FingerprintOf::kCounts) return;
-  const geometry::Intrinsics& camera = exposure.camera;
   add(std::array{camera.fx, camera.fy, camera.cx, camera.cy});
-  if (exposure.gain != 1) digest.update(concat("gain ", exposure.gain, ';'));
-  if (exposure.mask.defined()) {
-    const torch::Tensor mask = exposure.mask.contiguous();
-    digest.update(mask.const_data_ptr(), mask.nbytes());
-  }
-  const events::EventStream& events = exposure.events;
+  if (exposure.mask.defined()) add_tensor(exposure.mask);
   for (const torch::Tensor& each : {events.x(), events.y(), events.t_us(), events.polarity()}) {
-    digest.update(each.data_ptr(), each.nbytes());
+    add_tensor(each);
   }
+  return digest.hex();
 }
 
 }  // namespace
 
-std::string data_fingerprint(const data::Dataset& dataset, FingerprintOf what) {
+std::string data_fingerprint(const data::Dataset& dataset) {
   const std::vector<data::Exposure>& train = dataset.train;
+  std::vector<std::string> parts(train.size());
+  at::parallel_for(0, int64_t(train.size()), 1, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) parts[size_t(i)] = digest_of(train[size_t(i)]);
+  });
   Sha256 digest;
   // Gray frames can also train a colour scene, with other restorations.
   if (dataset.monochrome) digest.update("monochrome;");
-  if (what != FingerprintOf::kContents) {
-    for (const data::Exposure& exposure : train) add_exposure(exposure, what, digest);
-    return digest.hex();
-  }
-  std::vector<std::string> parts(train.size());
-  at::parallel_for(0, int64_t(train.size()), 1, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      Sha256 part;
-      add_exposure(train[size_t(i)], what, part);
-      parts[size_t(i)] = part.hex();
-    }
-  });
   for (const std::string& part : parts) digest.update(part);
   return digest.hex();
-}
-
-bool had_fingerprint(const data::Dataset& dataset, const std::string& fingerprint) {
-  return fingerprint == data_fingerprint(dataset, FingerprintOf::kInOne) ||
-         fingerprint == data_fingerprint(dataset, FingerprintOf::kCounts);
 }
 
 }  // namespace jade::run

@@ -2,8 +2,9 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
+#include <map>
 #include <string>
+#include <torch/types.h>
 #include <vector>
 
 #include "jade/core/error.h"
@@ -32,17 +33,21 @@ int64_t set_aside_checkpoints(const std::filesystem::path& run, int64_t step);
 
 /// Metadata of a checkpoint.
 struct CheckpointInfo {
-  std::string config;           ///< the run's resolved YAML
-  std::string fingerprint;      ///< of the data, see data_fingerprint()
-  std::string restorer_sha256;  ///< of the restorer's file; empty if the options need none, and in
-                                ///< checkpoints older than this entry
+  std::string config;                 ///< the run's resolved YAML
+  std::string fingerprint;            ///< of the data, see data_fingerprint()
+  std::string restorer_sha256;        ///< of the restorer's file; empty if the options need none
   geometry::Vector3 origin{0, 0, 0};  ///< data::Dataset::origin
 };
 
-/// Writes the state atomically and removes all but the `keep` newest checkpoints.
+/// All entries of a checkpoint by name, on the CPU; texts are byte tensors.
+using Checkpoint = std::map<std::string, torch::Tensor>;
+
+/// Copies a state, which may change afterwards.
+Checkpoint checkpoint_of(const train::TrainState& state, const CheckpointInfo& info);
+
+/// Writes a checkpoint atomically and removes all but the `keep` newest.
 /// @throws DataError if the disk is full or the folder not writable; older checkpoints then stay.
-void save_checkpoint(const std::filesystem::path& run, const train::TrainState& state,
-                     const CheckpointInfo& info, int64_t keep);
+void write_checkpoint(const std::filesystem::path& run, Checkpoint checkpoint, int64_t keep);
 
 /// Reads the metadata and verifies the whole file.
 /// @throws CheckpointError naming the path: unreadable, damaged or of another version.
@@ -80,15 +85,7 @@ void load_checkpoint_allocation(const std::filesystem::path& path, router::Alloc
 /// @throws CheckpointError, also if the checkpoint has others or none.
 void load_checkpoint_poses(const std::filesystem::path& path, train::ExposurePoses& poses);
 
-/// Forms of a fingerprint: over the digests of the exposures; of older versions, over all
-/// exposures in one; of even older ones, without intrinsics and with only the number of events.
-enum class FingerprintOf { kContents, kInOne, kCounts };
-
 /// SHA-256 over the training exposures: names, times, poses, intrinsics, pixels and events.
-std::string data_fingerprint(const data::Dataset& dataset,
-                             FingerprintOf what = FingerprintOf::kContents);
-
-/// True if older versions gave the data set this fingerprint.
-bool had_fingerprint(const data::Dataset& dataset, const std::string& fingerprint);
+std::string data_fingerprint(const data::Dataset& dataset);
 
 }  // namespace jade::run

@@ -46,7 +46,7 @@ void LiveRun::begin(const WatchedRun& run) {
     return gaussians::map_parameters(state->gaussians.parameters(),
                                      [](const torch::Tensor& tensor) { return tensor.detach(); });
   };
-  cameras_.emplace(run.dataset, run.state.poses);
+  cameras_.emplace(run.dataset, run.state.poses.module);
   cameras_->update_all();
   const data::Dataset& posed = cameras_->dataset();
   scene_.emplace(posed, draw, gaussians);

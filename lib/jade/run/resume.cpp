@@ -49,7 +49,6 @@ void keep_decisions(const train::RunOptions& saved, const std::optional<Choices>
   if (options.densify.max_gaussians.is_auto()) {
     options.densify.max_gaussians = saved.densify.max_gaussians;
   }
-  // The run may have begun with a version that does not settle these keys.
   if (options.gains.optimize == train::LearnGains::kAuto)
     options.gains.optimize = saved.gains.optimize;
   if (options.pattern.learn == train::LearnPattern::kAuto)
@@ -101,18 +100,13 @@ void check_settings(const fs::path& checkpoint, train::RunOptions saved, train::
 
 /// @throws CheckpointError for a run of other data or with another restorer.
 void check_inputs(const fs::path& checkpoint, const CheckpointInfo& info, const RunData& data) {
-  if (info.fingerprint != data.fingerprint && !had_fingerprint(data.dataset, info.fingerprint)) {
+  if (info.fingerprint != data.fingerprint) {
     throw CheckpointError(concat(
         checkpoint.string(), ": made from other data than ", data.dataset.root.string(),
         "; check dataset.path, dataset.color and whether its frames, cameras, events, masks, "
         "gains.csv or held_out.txt changed"));
   }
-  if (data.restorer_sha256.empty()) return;
-  if (info.restorer_sha256.empty()) {
-    log_warn(concat(checkpoint.string(),
-                    ": holds no hash of the restorer, as an older program wrote it; make sure that "
-                    "efnet.path is the file the run began with"));
-  } else if (info.restorer_sha256 != data.restorer_sha256) {
+  if (!data.restorer_sha256.empty() && info.restorer_sha256 != data.restorer_sha256) {
     throw CheckpointError(concat(checkpoint.string(), ": expected the restorer with SHA-256 ",
                                  info.restorer_sha256, ", found ", data.restorer_sha256,
                                  "; set efnet.path to the file the run began with or start a new "

@@ -78,6 +78,9 @@ void Trainer::densify() {
 
 void Trainer::log_step(const train::StepInputs& inputs, const train::StepOutputs& out) {
   monitor_.check();
+  if (saving_.valid() && saving_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
+    finish_save();  // reports a full disk
+  }
   nlohmann::ordered_json line = step_line(inputs, out, state_, options_);
   const double seconds = now_seconds();
   if (logged_seconds_ > 0) {
@@ -101,10 +104,15 @@ bool Trainer::is_over() const { return state_.step >= options_.train.iterations;
 
 void Trainer::save() {
   monitor_.check();
-  save_checkpoint(
-      directory_.path(), state_,
-      {resolved_yaml(options_), data_.fingerprint, data_.restorer_sha256, data_.dataset.origin},
-      options_.checkpoint.keep);
+  finish_save();
+  saving_ = std::async(std::launch::async, write_checkpoint, directory_.path(),
+                       checkpoint_of(state_, {resolved_yaml(options_), data_.fingerprint,
+                                              data_.restorer_sha256, data_.dataset.origin}),
+                       options_.checkpoint.keep);
+}
+
+void Trainer::finish_save() {
+  if (saving_.valid()) saving_.get();
 }
 
 bool Trainer::can_evaluate() const {
@@ -184,6 +192,7 @@ void Trainer::look(Watcher* watcher) {
 
 void Trainer::stop() {
   save();
+  finish_save();
   log_info(concat("saved at step ", state_.step, "; go on with jade_train --output ",
                   directory_.path().string(), " --resume"));
   pictures_.wait();
@@ -195,7 +204,6 @@ void Trainer::finish() {
   times_.end("steps");
   step_graph_.release(state_, device_);
   save();
-  times_.end("checkpoint");
   const data::Dataset posed = posed_dataset();
   if (state_.poses && interrupt_requested()) stop();  // discard half-fitted poses
   write_cameras(directory_.path() / kCamerasFile, posed);
@@ -231,6 +239,8 @@ void Trainer::finish() {
   write_report(directory_.path(), posed, bank(), state_, options_);
   pictures_.wait();
   times_.end("report");
+  finish_save();
+  times_.end("checkpoint");
   log_info("time        " + times_.text());
   log_info(concat("report      ", (directory_.path() / kReportFile).string()));
   log_info(concat("scene       ", (directory_.path() / kSceneFile).string()));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
@@ -69,7 +70,10 @@ class Trainer {
   double run_seconds() const;
   /// Runs the evaluation and writes the pictures that are due.
   void look(Watcher* watcher);
+  /// Begins to write a checkpoint beside the next steps.
   void save();
+  /// Waits for the checkpoint that is being written. @throws DataError if it could not be written.
+  void finish_save();
   /// The data set with the poses to evaluate at: learned ones if poses are learned.
   /// @param last  of the last intermediate evaluation, whose fit of test poses it continues
   data::Dataset posed_dataset(const data::Dataset* last = nullptr,
@@ -95,6 +99,7 @@ class Trainer {
   TermMonitor monitor_;
   std::unique_ptr<MetricsLog> metrics_;
   PictureWriter pictures_;
+  std::future<void> saving_;
   // of the last intermediate evaluation, if poses are learned
   std::optional<data::Dataset> looked_at_;
   std::string status_;         // for the progress bar

@@ -52,22 +52,4 @@ void ModuleAdam::zero_grad() {
   for (torch::Tensor& parameter : parameters_) parameter.mutable_grad() = torch::Tensor();
 }
 
-std::vector<torch::Tensor> ModuleAdam::state() const {
-  std::vector<torch::Tensor> all = first_;
-  all.insert(all.end(), second_.begin(), second_.end());
-  all.insert(all.end(), steps_.begin(), steps_.end());
-  return all;
-}
-
-void ModuleAdam::restore(const std::vector<torch::Tensor>& saved) {
-  const torch::NoGradGuard no_grad;
-  std::vector<torch::Tensor> all = state();
-  JADE_CHECK(saved.size() == all.size(), "ModuleAdam: expected ", all.size(), " tensors, found ",
-             saved.size());
-  for (size_t i = 0; i < all.size(); ++i) {
-    check_shape(saved[i], "ModuleAdam state", all[i].sizes().vec());
-    all[i].copy_(saved[i]);
-  }
-}
-
 }  // namespace jade::train

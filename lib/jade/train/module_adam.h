@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string>
 #include <torch/types.h>
 #include <vector>
 
@@ -26,10 +27,15 @@ class ModuleAdam {
   /// Sets all gradients to undefined.
   void zero_grad();
 
-  /// First moments, second moments and step counters, for checkpoints.
-  std::vector<torch::Tensor> state() const;
-  /// @throws ContractError for another number of tensors or other shapes.
-  void restore(const std::vector<torch::Tensor>& state);
+  /// Calls `visitor(name, tensor)` for the moments and step counters of each parameter.
+  template <class Visitor>
+  void visit(Visitor&& visitor) const {
+    for (size_t i = 0; i < parameters_.size(); ++i) {
+      visitor("first." + std::to_string(i), first_[i]);
+      visitor("second." + std::to_string(i), second_[i]);
+      visitor("steps." + std::to_string(i), steps_[i]);
+    }
+  }
 
  private:
   void step(const std::vector<double>& lrs);

@@ -17,9 +17,9 @@ RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torc
   const View& view = inputs.view;
   const auto loss = losses::route_loss(alpha, view.restorations, losses::Fixed(renders.of_target()),
                                        view.reblur_kernel, view.blurry, options);
-  state.allocation_adam.zero_grad();
+  state.allocation.adam.zero_grad();
   loss.total.backward();
-  state.allocation_adam.step();
+  state.allocation.adam.step();
   return {loss.render, loss.reblur};
 }
 

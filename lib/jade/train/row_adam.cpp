@@ -8,15 +8,6 @@
 #include "jade/train/pose_update.h"
 
 namespace jade::train {
-namespace {
-
-void copy_checked(torch::Tensor& to, const torch::Tensor& from, const char* name) {
-  check_shape(from, name, to.sizes().vec());
-  to.copy_(from);
-}
-
-}  // namespace
-
 RowAdam::RowAdam(torch::Tensor parameter, double eps)
     : parameter_(std::move(parameter)), eps_(eps) {
   JADE_CHECK(parameter_.scalar_type() == torch::kFloat64 && parameter_.is_contiguous(),
@@ -61,20 +52,6 @@ void RowAdam::update(double lr) {
   step.eps = eps_;
   if (!parameter_.is_cuda()) return cpu::update_rows(step);
   kernel::on_cuda("the Adam step of the poses", [&] { cuda::update_rows(step); });
-}
-
-void RowAdam::restore(const RowAdamState& saved) {
-  const torch::NoGradGuard no_grad;
-  copy_checked(state_.first, saved.first, "first moments");
-  copy_checked(state_.second, saved.second, "second moments");
-  copy_checked(state_.steps, saved.steps, "step counts");
-  if (!saved.gradient.defined()) {
-    state_.gradient.zero_();
-    state_.seen.zero_();
-    return;
-  }
-  copy_checked(state_.gradient, saved.gradient, "gradients");
-  copy_checked(state_.seen, saved.seen, "counts of gradients");
 }
 
 }  // namespace jade::train

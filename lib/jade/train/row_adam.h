@@ -26,8 +26,6 @@ class RowAdam {
 
   bool empty() const { return !parameter_.defined(); }
 
-  /// Sets the parameter's gradient to undefined.
-  void zero_grad() { parameter_.mutable_grad() = torch::Tensor(); }
   /// Adds the parameter's gradient, which only row `row` has, to the accumulated one.
   /// @param row [1] int64
   void accumulate(const torch::Tensor& row);
@@ -35,9 +33,16 @@ class RowAdam {
   void update(double lr);
 
   const RowAdamState& state() const { return state_; }
-  /// Restores `saved`; `gradient` and `seen` may be undefined: nothing accumulated.
-  /// @throws ContractError for other shapes.
-  void restore(const RowAdamState& saved);
+  /// Calls `visitor(name, tensor)` for each tensor of the state; for none if empty.
+  template <class Visitor>
+  void visit(Visitor&& visitor) const {
+    if (empty()) return;
+    visitor("first", state_.first);
+    visitor("second", state_.second);
+    visitor("steps", state_.steps);
+    visitor("gradient", state_.gradient);
+    visitor("seen", state_.seen);
+  }
 
  private:
   torch::Tensor parameter_;

@@ -81,7 +81,7 @@ losses::EventPair event_pair(const EventWindow& window, const torch::Tensor& ima
 
 /// Prior that pulls learned gains towards the data set's; undefined without learned gains.
 torch::Tensor gain_prior(const TrainState& state, const StepInputs& inputs) {
-  if (state.gains_adam.empty()) return {};
+  if (state.gains.adam.empty()) return {};
   return state.gains->squared_change(inputs.view_pick) * kGainPriorWeight;
 }
 
@@ -179,10 +179,10 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   }
   torch::autograd::backward(roots, {});
   apart([&] {
-    if (!state.response_adam.empty() && plan.objective.response) state.response_adam.step();
-    if (state.poses) state.poses_adam.accumulate(step_inputs.view_pick);
-    if (!state.gains_adam.empty()) state.gains_adam.accumulate(step_inputs.view_pick);
-    if (state.pattern) state.pattern_adam.step();
+    if (!state.response.adam.empty() && plan.objective.response) state.response.adam.step();
+    if (state.poses) state.poses.adam.accumulate(step_inputs.view_pick);
+    if (!state.gains.adam.empty()) state.gains.adam.accumulate(step_inputs.view_pick);
+    if (state.pattern) state.pattern.adam.step();
   });
   state.gaussian_adam.step(state.gaussians);
   for (losses::NamedTerm& term : loss.terms) term.value = term.value.detach();

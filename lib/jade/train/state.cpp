@@ -16,25 +16,6 @@ namespace {
 
 using TensorVisitor = std::function<void(const std::string&, const torch::Tensor&)>;
 
-void visit_module(const TensorVisitor& visitor, const std::string& name,
-                  const torch::nn::Module& module) {
-  for (const auto& item : module.named_parameters()) visitor(name + "." + item.key(), item.value());
-  for (const auto& item : module.named_buffers()) visitor(name + "." + item.key(), item.value());
-}
-
-void visit_adam(const TensorVisitor& visitor, const std::string& name, const ModuleAdam& adam) {
-  const std::vector<torch::Tensor> state = adam.state();
-  for (size_t i = 0; i < state.size(); ++i) visitor(concat(name, ".", i), state[i]);
-}
-
-void visit_adam(const TensorVisitor& visitor, const std::string& name, const RowAdam& adam) {
-  const RowAdamState& state = adam.state();
-  visit_members<RowAdamState>(
-      visitor, Member{concat(name, ".first"), state.first},
-      Member{concat(name, ".second"), state.second}, Member{concat(name, ".steps"), state.steps},
-      Member{concat(name, ".gradient"), state.gradient}, Member{concat(name, ".seen"), state.seen});
-}
-
 std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
   std::vector<geometry::Pose> poses;
   // Use the first pose of each exposure, as the original 3DGS backbone measures the scene.
@@ -69,11 +50,9 @@ splat::Gaussians in_gray(splat::Gaussians start) {
 }  // namespace
 
 void TrainState::zero_grad() {
-  gaussians.zero_grad();
-  response_adam.zero_grad();
-  if (poses) poses_adam.zero_grad();
-  if (!gains_adam.empty()) gains_adam.zero_grad();
-  pattern_adam.zero_grad();
+  visit([](const std::string&, const torch::Tensor& tensor) {
+    if (tensor.defined() && tensor.requires_grad()) tensor.mutable_grad() = torch::Tensor();
+  });
 }
 
 double gradient_factor(const RunOptions& options, int64_t moment_stride) {
@@ -84,22 +63,17 @@ double gradient_factor(const RunOptions& options, int64_t moment_stride) {
 }
 
 void TrainState::visit(const TensorVisitor& visitor) const {
-  static_assert(member_count<TrainState>() == 14, "visit what a new member holds");
+  static_assert(member_count<TrainState>() == 9, "visit what a new member holds");
   visit_tensors(visitor, Member{"gaussians", gaussians.parameters()});
   visit_tensors(visitor, Member{"gaussian_adam.first", gaussian_adam.first_moments()});
   visit_tensors(visitor, Member{"gaussian_adam.second", gaussian_adam.second_moments()});
   visitor("gaussian_adam.step_count", gaussian_adam.step_count());
   visit_tensors(visitor, Member{"densifier", densifier.accumulated()});
-  if (allocation) visit_module(visitor, "allocation", *allocation);
-  visit_adam(visitor, "allocation_adam", allocation_adam);
-  if (response) visit_module(visitor, "response", *response);
-  visit_adam(visitor, "response_adam", response_adam);
-  if (poses) visit_module(visitor, "poses", *poses);
-  if (poses) visit_adam(visitor, "poses_adam", poses_adam);
-  if (gains) visit_module(visitor, "gains", *gains);
-  if (!gains_adam.empty()) visit_adam(visitor, "gains_adam", gains_adam);
-  if (pattern) visit_module(visitor, "pattern", *pattern);
-  visit_adam(visitor, "pattern_adam", pattern_adam);
+  visit_tensors(visitor, Member{"allocation", allocation});
+  visit_tensors(visitor, Member{"response", response});
+  visit_tensors(visitor, Member{"poses", poses});
+  visit_tensors(visitor, Member{"gains", gains});
+  visit_tensors(visitor, Member{"pattern", pattern});
 }
 
 TrainState make_state(const RunOptions& options, const Start& start, torch::Device device) {
@@ -110,20 +84,21 @@ TrainState make_state(const RunOptions& options, const Start& start, torch::Devi
   state.densifier = gaussians::Densifier(options.densify, state.gaussians,
                                          make_generator(seed, "densification"), start.unit);
   if (options.objective.target == losses::Target::kRouted) {
-    state.allocation = router::make_allocation(options.allocation, start.views, start.height,
-                                               start.width, make_generator(seed, "router start"));
+    state.allocation.module =
+        router::make_allocation(options.allocation, start.views, start.height, start.width,
+                                make_generator(seed, "router start"));
   }
   if (state.allocation) {
     state.allocation->to(device);
     if (state.allocation->trainable()) {
-      state.allocation_adam = ModuleAdam(state.allocation->parameters(), options.route.lr);
+      state.allocation.adam = ModuleAdam(state.allocation->parameters(), options.route.lr);
     }
   }
   if (options.response.enabled) {
-    state.response = response::CameraResponse();
+    state.response.module = std::make_shared<response::CameraResponseImpl>();
     state.response->to(device);
     if (options.response.lr > 0) {
-      state.response_adam = ModuleAdam(state.response->parameters(), options.response.lr, 1e-15);
+      state.response.adam = ModuleAdam(state.response->parameters(), options.response.lr, 1e-15);
     }
   }
   return state;
@@ -131,29 +106,29 @@ TrainState make_state(const RunOptions& options, const Start& start, torch::Devi
 
 void learn_poses(TrainState& state, const PoseOptions& options, const data::Dataset& dataset,
                  torch::Device device) {
-  state.poses = make_exposure_poses(options, dataset);
+  state.poses.module = make_exposure_poses(options, dataset);
   if (!state.poses) return;
   state.poses->to(device);
-  state.poses_adam = RowAdam(state.poses->twists());
+  state.poses.adam = RowAdam(state.poses->twists());
 }
 
 void learn_pattern(TrainState& state, const PatternOptions& options, const data::Dataset& dataset,
                    torch::Device device) {
-  state.pattern = make_fixed_pattern(options, dataset);
+  state.pattern.module = make_fixed_pattern(options, dataset);
   if (!state.pattern) return;
   state.pattern->to(device);
   // The gradient of an offset is that of a mean over pixels.
-  state.pattern_adam = ModuleAdam(state.pattern->parameters(), options.lr, 1e-15);
+  state.pattern.adam = ModuleAdam(state.pattern->parameters(), options.lr, 1e-15);
 }
 
 void take_gains(TrainState& state, const GainOptions& options, const data::Dataset& dataset,
                 torch::Device device) {
-  state.gains = make_exposure_gains(options, dataset);
+  state.gains.module = make_exposure_gains(options, dataset);
   if (!state.gains) return;
   state.gains->to(device);
   // The gradient of a gain is that of a mean over pixels, near the end below Adam's usual ε of
   // 1e-8.
-  if (state.gains->learned()) state.gains_adam = RowAdam(state.gains->log_gains(), 1e-15);
+  if (state.gains->learned()) state.gains.adam = RowAdam(state.gains->log_gains(), 1e-15);
 }
 
 namespace {

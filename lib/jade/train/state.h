@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <string>
 #include <torch/types.h>
 #include <vector>
@@ -16,6 +15,7 @@
 #include "jade/train/exposure_gains.h"
 #include "jade/train/exposure_poses.h"
 #include "jade/train/fixed_pattern.h"
+#include "jade/train/learned.h"
 #include "jade/train/module_adam.h"
 #include "jade/train/options.h"
 #include "jade/train/row_adam.h"
@@ -29,20 +29,15 @@ struct TrainState {
   gaussians::GaussianModel gaussians;  ///< φ
   gaussians::GaussianAdam gaussian_adam;
   gaussians::Densifier densifier;
-  std::shared_ptr<router::Allocation> allocation;  ///< θ; nullptr without a routed target
-  ModuleAdam allocation_adam;                      ///< empty if nothing is learned
-  response::CameraResponse response{nullptr};      ///< nullptr when off
-  ModuleAdam response_adam;
-  std::shared_ptr<ExposurePoses> poses;   ///< nullptr if poses are not learned
-  RowAdam poses_adam;                     ///< one row per exposure
-  std::shared_ptr<ExposureGains> gains;   ///< nullptr if all frames are as bright as the scene
-  RowAdam gains_adam;                     ///< one row per exposure; empty if gains are not learned
-  std::shared_ptr<FixedPattern> pattern;  ///< nullptr if none is learned
-  ModuleAdam pattern_adam;                ///< empty if none is learned
+  Learned<router::Allocation, ModuleAdam> allocation;  ///< θ; only of a routed target
+  Learned<response::CameraResponseImpl, ModuleAdam> response;
+  Learned<ExposurePoses, RowAdam> poses;      ///< only if learned; one row per exposure
+  Learned<ExposureGains, RowAdam> gains;      ///< only if some frame has one; one row per exposure
+  Learned<FixedPattern, ModuleAdam> pattern;  ///< only if learned
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   void visit(const std::function<void(const std::string&, const torch::Tensor&)>& visitor) const;
-  /// Drops the gradients of all parameters but θ, whose step drops its own.
+  /// Drops the gradients of all parameters.
   void zero_grad();
 };
 

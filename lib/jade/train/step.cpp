@@ -44,11 +44,11 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPla
 
 void update_exposures(TrainState& state, const RunOptions& options, int64_t step) {
   if (state.poses) {
-    state.poses_adam.update(pose_lr(options.poses, step));
+    state.poses.adam.update(pose_lr(options.poses, step));
     state.poses->hold_gauge();
   }
-  if (state.gains_adam.empty()) return;
-  state.gains_adam.update(options.gains.lr);
+  if (state.gains.adam.empty()) return;
+  state.gains.adam.update(options.gains.lr);
   state.gains->hold_mean();
 }
 

@@ -69,7 +69,6 @@ bool same_layout(const torch::Tensor& a, const torch::Tensor& b) {
 /// computed them and keep all of it reserved, so they go first.
 void release_memory(TrainState& state, torch::Device device) {
   state.zero_grad();
-  state.allocation_adam.zero_grad();
   trim_device_memory(device, kSpareBytes);
 }
 
