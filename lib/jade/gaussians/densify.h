@@ -55,7 +55,7 @@ constexpr auto words_of(DensifyStrategy) {
                     Word{"none", DensifyStrategy::kNone, "fixed number"}};
 }
 
-/// Which of the nine poses contribute to the screen gradients.
+/// Which poses of an exposure contribute to the screen gradients.
 enum class CountedPoses { kAll, kFirst };
 
 constexpr auto words_of(CountedPoses) {
@@ -89,7 +89,7 @@ struct DensifyOptions {
 template <class V>
 void describe(V& v, DensifyOptions& o) {
   v.field("strategy", o.strategy, "how Gaussians are added and removed");
-  v.field("statistics", o.statistics, "which of the nine poses contribute to the screen gradients");
+  v.field("statistics", o.statistics, "which poses of an exposure contribute to the screen gradients");
   v.fixed("from", o.from);
   v.field("until", o.until,
           "no densification and no opacity reset from this step on; the first densification comes "
