@@ -24,7 +24,12 @@ import xml.etree.ElementTree
 
 CHUNK = 1 << 20
 MAGIC = b"#!AER-DAT4.0\r\n"
+KINDS = {"EVTS": "events", "FRME": "frame", "TRIG": "triggers"}
 COPY_AGAIN = "the file is damaged or was cut short, copy it again"
+
+
+class NoSuchStream(Exception):
+    """The recording lacks the stream or camera that the user chose."""
 
 
 def fail(message, code=2):
@@ -69,31 +74,40 @@ def header_fields(header):
     return 0 if compression is None else number("i", compression), -1 if end is None else number("q", end), description
 
 
-def check_header(path):
-    """Raises ValueError for damage on which the packages would end the whole interpreter: sizes beyond the file
-    (including each packet's), and a description that is not text.
+def read_header(file, size):
+    """Returns the end of the packets and the streams: {number: {"type", "source"}}, with the name of the camera as
+    the source, or "". Raises ValueError for damage on which the packages would end the whole interpreter.
     """
+    if file.read(len(MAGIC)) != MAGIC:
+        raise ValueError(f"expected an AEDAT4 recording, found a file that does not begin with {MAGIC.decode().strip()}")
+    length = int.from_bytes(file.read(4), "little")
+    if not 0 < length <= size - file.tell():
+        raise ValueError(f"expected a header within the {size} bytes of the file, found one of {length}; {COPY_AGAIN}")
+    try:
+        compression, end, description = header_fields(file.read(length))
+        root = xml.etree.ElementTree.fromstring(description.decode())
+    except (struct.error, UnicodeDecodeError, xml.etree.ElementTree.ParseError):
+        raise ValueError(f"expected a header that describes the streams, found one that cannot be read; {COPY_AGAIN}") from None
+    if not 0 <= compression <= 4:
+        raise ValueError(f"expected a compression from 0 to 4, found {compression}; {COPY_AGAIN}")
+    streams = {int(node.get("name")): {"type": KINDS.get(node.findtext("attr[@key='typeIdentifier']")),
+                                       "source": node.findtext("node[@name='info']/attr[@key='source']") or ""}
+               for node in root.iterfind(".//node[@name='outInfo']/node") if node.get("name", "").isdecimal()}
+    return end if 0 < end <= size else size, streams
+
+
+def check_file(path):
+    """Returns the streams as read_header() does. Raises ValueError for sizes of packets beyond the file too."""
     size = os.path.getsize(path)
     with open(path, "rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
-            raise ValueError(f"expected an AEDAT4 recording, found a file that does not begin with {MAGIC.decode().strip()}")
-        length = int.from_bytes(file.read(4), "little")
-        if not 0 < length <= size - file.tell():
-            raise ValueError(f"expected a header within the {size} bytes of the file, found one of {length}; {COPY_AGAIN}")
-        try:
-            compression, end, description = header_fields(file.read(length))
-            xml.etree.ElementTree.fromstring(description.decode())
-        except (struct.error, UnicodeDecodeError, xml.etree.ElementTree.ParseError):
-            raise ValueError(f"expected a header that describes the streams, found one that cannot be read; {COPY_AGAIN}") from None
-        if not 0 <= compression <= 4:
-            raise ValueError(f"expected a compression from 0 to 4, found {compression}; {COPY_AGAIN}")
-        end = end if 0 < end <= size else size
+        end, streams = read_header(file, size)
         while (at := file.tell()) < end:
             head = file.read(8)
             length = struct.unpack("<ii", head)[1] if len(head) == 8 else -1
             if not 0 <= length <= end - at - 8:
                 raise ValueError(f"the packet at byte {at} does not end within the recording; {COPY_AGAIN}")
             file.seek(length, os.SEEK_CUR)
+    return streams
 
 
 @contextlib.contextmanager
@@ -128,13 +142,33 @@ def aedat_packets(decoder):
         yield packet
 
 
-def packets_from_dv(path):
+def dv_reader(path, events="", frames=""):
+    """Opens one camera through dv-processing, which reads no second one. Returns the reader and notes on the rest."""
+    import dv_processing as dv
+
+    with open(path, "rb") as file:
+        _, streams = read_header(file, os.path.getsize(path))
+    chosen = chosen_streams(streams, events, frames)
+    camera = next((streams[number]["source"] for number in chosen.values()), "")
+    own = {kind: number for kind, number in chosen.items() if streams[number]["source"] == camera}
+    return dv.io.MonoCameraRecording(path, camera), list(stream_notes(streams, own))
+
+
+def report(path, notes):
+    for note in notes:
+        print(f"convert_aedat4: {path}: {note}", file=sys.stderr)
+
+
+def packets_from_dv_file(path):
+    reader, notes = dv_reader(path)
+    report(path, notes)
+    yield from packets_from_dv(reader)
+
+
+def packets_from_dv(reader):
     """Yields ("events", x, y, t, p) and ("frame", image, start, end) through dv-processing. Images are gray, BGR or
     BGRA, for OpenCV; start and end are those of the exposure, equal if the recording has none.
     """
-    import dv_processing as dv
-
-    reader = dv.io.MonoCameraRecording(path)
     # One stream after the other, because isRunning() ends with the shorter of them.
     if reader.isEventStreamAvailable():
         while (batch := reader.getNextEventBatch()) is not None:
@@ -155,31 +189,51 @@ def to_opencv(pixels, order):
     return pixels if channels is None else numpy.ascontiguousarray(pixels[..., channels])
 
 
-def other_streams(streams):
-    """Describes the streams that are not read: all but the first of each kind, as with two cameras in one file."""
-    kinds = ("events", "frame", "triggers")
-    wanted = [number for number in sorted(streams) if streams[number]["type"] in kinds]
-    first = {streams[number]["type"]: number for number in reversed(wanted)}
-    return [number for number in wanted if first[streams[number]["type"]] != number]
+def chosen_streams(streams, events="", frames=""):
+    """Selects one stream of each kind: {kind: number}. They come from the first camera with events and frames, else
+    from the first; a kind that it lacks comes from another. events and frames choose by number or camera.
+    """
+    numbers = {kind: [n for n in sorted(streams) if streams[n]["type"] == kind] for kind in KINDS.values()}
+    cameras = {kind: [streams[n]["source"] for n in numbers[kind]] for kind in numbers}
+    found = {}
+    for kind, wanted in (("events", events), ("frame", frames)):
+        if not wanted:
+            continue
+        found[kind] = next((n for n in numbers[kind] if wanted in (str(n), streams[n]["source"])), None)
+        if found[kind] is None:
+            listed = ", ".join(f"{n} ({streams[n]['source']})" for n in numbers[kind]) or "none"
+            raise NoSuchStream(f"expected the number or camera of a stream of {kind}, found {wanted}; there are {listed}")
+    both = [camera for camera in cameras["events"] if camera in cameras["frame"]]
+    every = both + cameras["events"] + cameras["frame"] + cameras["triggers"]
+    camera = streams[next(iter(found.values()))]["source"] if found else next(iter(every), "")
+    for kind in numbers:
+        if kind not in found and numbers[kind]:
+            found[kind] = min(numbers[kind], key=lambda n: (streams[n]["source"] != camera, n))
+    return found
 
 
-def left_out(streams, numbers):
-    return "only one stream of each kind is read; left out: " + ", ".join(
-        f"{number} ({streams[number]['type']})" for number in numbers)
+def stream_notes(streams, chosen):
+    """Names the streams that are not read, and the cameras if they are two."""
+    def name(number):
+        camera = streams[number]["source"]
+        return f"{number} ({streams[number]['type']}" + (f" of {camera})" if camera else ")")
+    left = [number for number in sorted(streams) if streams[number]["type"] and number not in chosen.values()]
+    if left:
+        yield "only one stream of each kind is read; left out: " + ", ".join(name(number) for number in left)
+    cameras = {kind: streams[chosen[kind]]["source"] for kind in ("events", "frame") if kind in chosen}
+    if len(set(cameras.values())) > 1:
+        yield f"events are of {cameras['events'] or 'an unnamed camera'}, frames of {cameras['frame'] or 'an unnamed camera'}"
 
 
 def packets_from_aedat(path):
     """Yields the packets of packets_from_dv() through the aedat package."""
     import aedat
 
-    check_header(path)
-    decoder = aedat.Decoder(path)
-    streams = decoder.id_to_stream()
-    others = other_streams(streams)
-    if others:
-        print(f"convert_aedat4: {path}: {left_out(streams, others)}", file=sys.stderr)
-    for packet in aedat_packets(decoder):
-        if packet["stream_id"] in others:
+    streams = check_file(path)
+    chosen = chosen_streams(streams)
+    report(path, stream_notes(streams, chosen))
+    for packet in aedat_packets(aedat.Decoder(path)):
+        if packet["stream_id"] not in chosen.values():
             continue
         if "events" in packet:
             events = packet["events"]
@@ -193,7 +247,7 @@ def packets_from_aedat(path):
 
 
 def packets(path):
-    for module, read in (("dv_processing", packets_from_dv), ("aedat", packets_from_aedat)):
+    for module, read in (("dv_processing", packets_from_dv_file), ("aedat", packets_from_aedat)):
         try:
             __import__(module)
         except ImportError:

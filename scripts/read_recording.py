@@ -21,15 +21,20 @@ import argparse
 import bisect
 import errno
 import os
+import re
 import statistics
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from convert_aedat4 import (CACHE_BYTES, COPY_AGAIN, EventWriter, aedat_packets, check_header, left_out,  # noqa: E402
-                            other_streams, packets_from_dv, reason, to_opencv)
+from convert_aedat4 import (CACHE_BYTES, COPY_AGAIN, EventWriter, NoSuchStream, aedat_packets, check_file,  # noqa: E402
+                            chosen_streams, dv_reader, packets_from_dv, reason, stream_notes, to_opencv)
 
 DATA_ERROR, PACKAGE_MISSING = 3, 4
+TRANSPORTS = ("compressed", "compressedDepth", "ffmpeg", "theora", "zstd")
+RECTIFIED = re.compile(r"[/_]rect(ified)?(_|/|$)")
+# Larger steps of the packets' stamps are faults.
+LONGEST_PAUSE_US = 3600 * 1000000
 FULL = (errno.ENOSPC, errno.EDQUOT)
 INSTALL = "run scripts/setup.sh --import, or pip install 'jade-gs[import]'"
 
@@ -130,20 +135,18 @@ class Output:
         (self.folder / "recording.txt").write_text("\n".join(lines) + "\n")
 
 
-def read_with_aedat(path, out):
+def read_with_aedat(path, out, events_stream, frames_stream):
     import aedat
 
-    check_header(path)
+    streams = check_file(path)
+    chosen = chosen_streams(streams, events_stream, frames_stream)
+    out.notes += stream_notes(streams, chosen)
     decoder = aedat.Decoder(path)
-    streams = decoder.id_to_stream()
-    left = other_streams(streams)
-    if left:
-        out.notes.append(left_out(streams, left))
-    for number, stream in streams.items():
-        if stream["type"] == "events" and number not in left:
-            out.size = stream["width"], stream["height"]
+    if "events" in chosen:
+        stream = decoder.id_to_stream()[chosen["events"]]
+        out.size = stream["width"], stream["height"]
     for packet in aedat_packets(decoder):
-        if packet["stream_id"] in left:
+        if packet["stream_id"] not in chosen.values():
             continue
         if "events" in packet:
             events = packet["events"]
@@ -161,13 +164,12 @@ def read_with_aedat(path, out):
                     out.edges.append((int(trigger["t"]), int(trigger["source"] == 1)))
 
 
-def read_with_dv(path, out):
-    import dv_processing as dv
-
-    reader = dv.io.MonoCameraRecording(path)
+def read_with_dv(path, out, events_stream, frames_stream):
+    reader, notes = dv_reader(path, events_stream, frames_stream)
+    out.notes += notes
     if reader.isEventStreamAvailable():
         out.size = tuple(reader.getEventResolution())
-    for kind, *values in packets_from_dv(path):
+    for kind, *values in packets_from_dv(reader):
         if kind == "events":
             x, y, t, p = values
             out.events(x, y, t, p)
@@ -181,7 +183,7 @@ def read_with_dv(path, out):
                 out.edges.append((trigger.timestamp, int("RISING" in kind)))
 
 
-def read_aedat4(path, folder):
+def read_aedat4(path, folder, events_stream, frames_stream):
     out = Output(folder, "AEDAT4")
     for module, read in (("aedat", read_with_aedat), ("dv_processing", read_with_dv)):
         try:
@@ -189,9 +191,11 @@ def read_aedat4(path, folder):
         except ImportError:
             continue
         try:
-            read(path, out)
+            read(path, out, events_stream, frames_stream)
         except Problem:
             raise
+        except NoSuchStream as error:
+            raise Problem(f"{path}: {error}") from error
         except Exception as error:  # the packages have their own exception types
             check_space(error, folder)
             said = reason(error)
@@ -200,7 +204,10 @@ def read_aedat4(path, folder):
     need("aedat", "aedat")
 
 
-def read_legacy_aedat(path, folder):
+def read_legacy_aedat(path, folder, events_topic, frames_topic):
+    if events_topic or frames_topic:
+        raise Problem(f"{path}: expected a ROS bag or AEDAT4, of which streams are chosen, found an older AEDAT; leave "
+                      "--topic and --frames-topic out")
     need("numpy", "numpy")
     import aedat_legacy
 
@@ -226,6 +233,12 @@ uint8[] events
 def stamp_us(header):
     """Time stamp of a message, in microseconds."""
     return header.stamp.sec * 1000000 + header.stamp.nanosec // 1000
+
+
+def room_of(topic):
+    """The namespace of a camera, without the transport of an image: /cam of /cam/image_raw/compressed."""
+    name, _, transport = topic.rpartition("/")
+    return name.rpartition("/")[0] if transport in TRANSPORTS else name
 
 
 def event_array(raw, ros1, np):
@@ -271,29 +284,51 @@ def mono_events(message, np):
             words >> np.uint64(63))
 
 
-def first_sensor_time(data, np):
-    """The first full time in words of EVT3, modulo 2^24 us; None if there is none."""
-    words = np.frombuffer(data[:4096 - len(data[:4096]) % 2], dtype="<u2")
-    high = np.flatnonzero(words >> 12 == 8)
+def sensor_times(data, encoding, np):
+    """The time words of a packet, us, and the first full time, all modulo the range of the sensor's counter."""
+    if encoding == "evt3":
+        words = np.frombuffer(data[:len(data) // 2 * 2], dtype="<u2")
+        kinds, times, parts = words >> 12, words & 0xfff, words & 0xfff
+        bits, finer = 12, kinds == 6
+    else:
+        words = np.frombuffer(data[:len(data) // 8 * 8 if encoding == "evt21" else len(data) // 4 * 4], dtype="<u4")
+        if encoding == "evt21":  # either half may come first; that of a time is empty behind its type
+            halves = words.reshape(-1, 2)
+            words = max((halves[:, k] for k in (0, 1)),
+                        key=lambda half: ((half >> 28 == 8) & (halves.sum(axis=1, dtype=np.uint64) == half)).sum())
+        kinds, times, parts = words >> 28, words & 0xfffffff, words >> 22 & 63
+        bits, finer = 6, (kinds < 2) | (kinds == 10)
+    high = np.flatnonzero(kinds == 8)
     if not len(high):
-        return None
-    low = np.flatnonzero(words[high[0]:] >> 12 == 6)
-    return int(words[high[0]] & 0xfff) << 12 | (int(words[high[0]:][low[0]] & 0xfff) if len(low) else 0)
+        return (), None
+    low = np.flatnonzero(finer[high[0]:])
+    times = times[high].astype(np.int64) << bits
+    return times, int(times[0]) + (int(parts[high[0]:][low[0]]) if len(low) else 0)
 
 
 class SensorClock:
-    """Offset of the stamps of EVT3 packets from the sensor's counter, which it unwraps."""
+    """Offset of the stamps of packets from the sensor's counter, which it unwraps."""
 
     def __init__(self):
-        self.wraps, self.last, self.ahead = 0, None, []
+        self.wraps, self.stamp, self.high, self.ahead = 0, None, None, []
 
-    def packet(self, stamp, time):
-        if time is None:
-            return
-        if self.last is not None and self.last - time > 1 << 23:
-            self.wraps += 1 << 24
-        self.last = time
-        self.ahead.append(stamp - self.wraps - time)
+    def packet(self, stamp, times, first, span):
+        """Returns the number of wraps of the counter, of `span` us, before this packet if it was silent for so long
+        that its words show fewer; else 0.
+        """
+        if first is None:
+            return 0
+        # The decoder counts a wrap at such a decrease.
+        wraps = self.wraps + span * int(self.high is not None and self.high - times[0] > span // 2)
+        hidden = 0
+        if self.ahead and 0 < stamp - self.stamp < LONGEST_PAUSE_US:
+            said = round((stamp - self.ahead[-1] - first) / span) * span
+            if said > wraps:
+                wraps, hidden = said, (said - self.wraps) // span
+        self.ahead.append(stamp - wraps - first)
+        self.wraps = wraps + span * int((times[:-1] - times[1:] > span // 2).sum())
+        self.stamp, self.high = stamp, times[-1]
+        return hidden
 
     def offset_us(self):
         return round(statistics.median(self.ahead)) if self.ahead else 0
@@ -326,18 +361,56 @@ def to_picture(message, np, cv2):
     return image
 
 
-def camera_info_text(message):
-    """A camera_info as the YAML of ROS's calibration files; None for a camera that is not calibrated. ROS 1 has K
-    and D, ROS 2 k and d.
+def info_field(message, name):
+    """A field of a camera_info: ROS 1 has K and D, ROS 2 k and d."""
+    return [float(v) for v in getattr(message, name, getattr(message, name.lower(), ()))]
+
+
+def is_matrix(values):
+    return len(values) == 9 and bool(values[0] and values[4])
+
+
+def projection(message):
+    """The camera matrix of rectified images: the left 3x3 of P."""
+    values = info_field(message, "P")
+    return values[:3] + values[4:7] + values[8:11]
+
+
+def camera_info_text(message, rectified=False):
+    """A camera_info as the YAML of ROS's calibration files, of the raw or the rectified images; None for a camera that
+    is not calibrated.
     """
-    def get(name):
-        return [float(v) for v in getattr(message, name, getattr(message, name.lower(), ()))]
-    matrix, lens = get("K"), get("D")
-    if len(matrix) != 9 or not matrix[0] or not matrix[4]:
+    matrix, lens = (projection(message), []) if rectified else (info_field(message, "K"), info_field(message, "D"))
+    if not is_matrix(matrix):
         return None
-    return (f"image_width: {message.width}\nimage_height: {message.height}\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
+    binning = "".join(f"{name}: {getattr(message, name)}\n" for name in ("binning_x", "binning_y") if getattr(message, name, 0) > 1)
+    return (f"image_width: {message.width}\nimage_height: {message.height}\n{binning}camera_matrix:\n  rows: 3\n  cols: 3\n"
             f"  data: {matrix}\ndistortion_model: {message.distortion_model or 'plumb_bob'}\ndistortion_coefficients:\n"
             f"  rows: 1\n  cols: {len(lens)}\n  data: {lens}\n")
+
+
+def is_rectified_already(message):
+    """Whether the raw images of a camera are rectified: no distortion, and one matrix for both."""
+    return not any(info_field(message, "D")) and projection(message) == info_field(message, "K")
+
+
+def rectified_chain(message, np):
+    """A camera_info as Kalibr's chain of two cameras at one place: rectified frames, and raw events turned by R. None if
+    the chain cannot express it.
+    """
+    frames, events, lens = projection(message), info_field(message, "K"), info_field(message, "D")
+    model = {"plumb_bob": "radtan", "": "radtan", "equidistant": "equidistant", "fisheye": "equidistant"}.get(message.distortion_model)
+    turn = info_field(message, "R")
+    if not (is_matrix(frames) and is_matrix(events) and len(turn) == 9 and any(turn)):
+        return None
+    if not model or any(lens[4:]) or max(getattr(message, "binning_x", 0), getattr(message, "binning_y", 0)) > 1:
+        return None
+    pose = np.eye(4)
+    pose[:3, :3] = np.reshape(turn, (3, 3)).T  # R turns raw to rectified
+    cam0, cam1 = (f":\n  camera_model: pinhole\n  intrinsics: {[matrix[k] for k in (0, 4, 2, 5)]}\n"
+                  f"  resolution: {[message.width, message.height]}\n" for matrix in (frames, events))
+    return (f"cam0{cam0}  distortion_model: none\n"
+            f"cam1{cam1}  distortion_model: {model}\n  distortion_coeffs: {(lens + 4 * [0.0])[:4]}\n  T_cn_cnm1: {pose.tolist()}\n")
 
 
 class BagReader:
@@ -348,18 +421,19 @@ class BagReader:
         self.lengths = {}  # of exposures, by namespace: when the bag has them from, us
         self.pictures = []  # the same for frames: when from, namespace
         self.infos = {}  # the first camera_info, by namespace
-        self.rooms = set()  # namespaces of events and frames
+        self.rooms = {}  # namespaces of events and frames
+        self.frames_topic = ""
         self.alpha = set()  # encodings of images with alpha
         self.skipped = {}
 
     def take(self, kind, topic, at, raw, ros1, decode):
-        room = topic.rpartition("/")[0]
+        room = room_of(topic)
         if kind in ("dvs_msgs/msg/EventArray", "prophesee_event_msgs/msg/EventArray"):
-            self.rooms.add(room)
+            self.rooms["events"] = room
             self.out.size, *events = event_array(raw, ros1, self.np)
             self.out.events(*events)
         elif kind == "event_camera_msgs/msg/EventPacket":
-            self.rooms.add(room)
+            self.rooms["events"] = room
             self.packet(decode())
         elif kind == "sensor_msgs/msg/CameraInfo":
             if room not in self.infos:
@@ -368,13 +442,13 @@ class BagReader:
             message = decode()
             if message.encoding in ("rgba8", "bgra8"):
                 self.alpha.add(message.encoding)
-            self.picture(message.header, at, room, to_picture(message, self.np, need("cv2", "opencv-python-headless")))
+            self.picture(message.header, at, topic, to_picture(message, self.np, need("cv2", "opencv-python-headless")))
         elif kind == "sensor_msgs/msg/CompressedImage":
             message, cv2 = decode(), need("cv2", "opencv-python-headless")
             image = cv2.imdecode(self.np.frombuffer(message.data.tobytes(), dtype=self.np.uint8), cv2.IMREAD_UNCHANGED)
             if image is None:
                 raise Problem(f"an image of {topic} cannot be decoded ({message.format})")
-            self.picture(message.header, at, room, image)
+            self.picture(message.header, at, topic, image)
         elif kind == "std_msgs/msg/Int32" and "exposure" in topic:
             self.lengths.setdefault(room, []).append((at, max(int(decode().data), 0)))
         else:
@@ -385,15 +459,19 @@ class BagReader:
         if message.encoding == "mono":
             self.out.events(*mono_events(message, self.np))
         elif message.encoding in ("evt3", "evt21", "evt2"):
-            data = message.events.tobytes()
+            data, is_evt3 = message.events.tobytes(), message.encoding == "evt3"
+            times, first = sensor_times(data, message.encoding, self.np)
+            wraps = self.clock.packet(stamp_us(message.header), times, first, 1 << (24 if is_evt3 else 34))
+            if wraps and is_evt3:  # half, the largest time and 0: a wrap in steps that are no damage
+                words = [0x87ff, 0x8fff, 0x8000] * wraps + [0x8000 | first >> 12, 0x6000 | first & 0xfff]
+                self.out.words("evt3", self.np.array(words, dtype="<u2").tobytes())
             self.out.words(message.encoding, data)
-            if message.encoding == "evt3":
-                self.clock.packet(stamp_us(message.header), first_sensor_time(data, self.np))
         else:
             raise Problem(f"event packets of encoding {message.encoding} are not read; expected evt3, evt21, evt2 or mono")
 
-    def picture(self, header, at, room, image):
-        self.rooms.add(room)
+    def picture(self, header, at, topic, image):
+        room = self.rooms["frames"] = room_of(topic)
+        self.frames_topic = topic
         t = stamp_us(header)
         self.pictures.append((at, room))
         self.out.frame(image, t, t)
@@ -411,12 +489,12 @@ class BagReader:
             after = bisect.bisect_left(known, (at,))
             _, length = min(known[max(after - 1, 0):after + 1], key=lambda each: (abs(each[0] - at), -each[0]))
             name, t, _ = self.out.exposures[k]
-            start = t - length // 2 if self.out.stamp == "middle" else t
+            start = t - {"start": 0, "middle": length // 2, "end": length}[self.out.stamp]
             self.out.exposures[k] = (name, start, start + length)
 
     def give_calibration(self):
         """Selects the camera_info of the camera that is read: that of its namespace, or the only one in the bag."""
-        own = [room for room in self.infos if room in self.rooms]
+        own = [room for room in self.infos if room in self.rooms.values()]
         rooms = own or list(self.infos)
         if not rooms:
             return
@@ -424,15 +502,34 @@ class BagReader:
             self.out.notes.append("camera_info of several cameras (" + ", ".join(sorted(rooms)) + ") is left out; give "
                                   "--calibration")
             return
-        text = camera_info_text(self.infos[rooms[0]])
+        message, rectified = self.infos[rooms[0]], RECTIFIED.search(self.frames_topic) is not None
+        if rectified and self.rooms.get("events") == self.rooms["frames"] and not is_rectified_already(message):
+            self.give_two_views(message)
+            return
+        text = camera_info_text(message, rectified)
         if text is None:
             self.out.warnings.append(f"camera_info of {rooms[0] or '/'} holds no calibration (its matrix is zero)")
             return
         (self.out.folder / "camera_info.yaml").write_text(text)
 
+    def give_two_views(self, message):
+        """Writes the calibration of rectified frames and raw events."""
+        text = rectified_chain(message, self.np)
+        found = f"expected frames as the sensor took them, found {self.frames_topic}, which is rectified while events are not; "
+        if text is None:
+            self.out.warnings.append(found + "its camera_info cannot be used: give raw frames with --frames-topic, or "
+                                     "--calibration of both (Kalibr's cam0 for the frames, cam1 for the events)")
+            return
+        self.out.warnings.append(found + "give raw frames with --frames-topic, or add --plane-depth 1 to jade_import (any "
+                                 "depth, because the two views are from one place)")
+        (self.out.folder / "camera_info.yaml").write_text(text)
+
     def finish(self):
         self.give_lengths()
         self.give_calibration()
+        if "render" in self.frames_topic.lower():
+            self.out.warnings.append(f"expected frames of the scene, found {self.frames_topic}, which may be drawn from the events; "
+                                     "choose another topic with --frames-topic")
         if self.alpha:
             self.out.notes.append("frames have an alpha channel (" + ", ".join(sorted(self.alpha)) + "), which is not used")
         out = self.out
@@ -447,8 +544,10 @@ class BagReader:
 
 
 def depth_rank(topic, encoding):
-    """Preference among topics of images: 0 for 8 bits, 1 for 16 bits or unknown, 2 for possible depth."""
-    if "depth" in topic.lower() or encoding in ("mono16", "16UC1", "16SC1", "32FC1", "64FC1"):
+    """Preference among topics of images: 0 for 8 bits, 1 for 16 bits or unknown, 2 for possible depth or renderings of
+    events.
+    """
+    if "depth" in topic.lower() or "render" in topic.lower() or encoding in ("mono16", "16UC1", "16SC1", "32FC1", "64FC1"):
         return 2
     return 0 if encoding.endswith("8") or encoding.startswith("8UC") else 1
 
@@ -467,11 +566,11 @@ def image_encodings(bag):
 
 
 def chosen_topics(connections, events, frames, encodings=None):
-    """Selects one topic of events and one of frames; ignores the others. Prefers pictures to depth, then the camera
-    of the events. Encodings are those of image_encodings().
+    """Selects one topic of events and one of frames; ignores the others. Prefers pictures to depth and
+    renderings, then the camera of the events, then raw frames to rectified ones. Encodings are those of image_encodings().
     """
     kinds = {"events": ("EventArray", "EventPacket"), "frames": ("Image", "CompressedImage")}
-    left, rooms = [], []
+    left, rooms = [], [frames] if frames else []
     for what, wanted in (("events", events), ("frames", frames)):
         topics = [c.topic for c in connections if c.msgtype.split("/")[-1] in kinds[what]]
         topics = sorted(set(topics))
@@ -479,7 +578,7 @@ def chosen_topics(connections, events, frames, encodings=None):
             raise Problem(f"expected a topic of {what}, found none called {wanted}; there are {', '.join(topics) or 'none'}")
         ranks = {topic: depth_rank(topic, (encodings or {}).get(topic, "")) if what == "frames" else 0 for topic in topics}
         keep = wanted or min(topics, default=None, key=lambda topic: (
-            ranks[topic] == 2, not in_one_room(topic, rooms), ranks[topic], topic))  # noqa: B023
+            ranks[topic] == 2, not in_one_room(topic, rooms), bool(RECTIFIED.search(topic)), ranks[topic], topic))  # noqa: B023
         rooms += [keep] if keep else []
         left += [topic for topic in topics if topic != keep]
     return left
@@ -487,7 +586,7 @@ def chosen_topics(connections, events, frames, encodings=None):
 
 def in_one_room(topic, others):
     """Whether topics are from the same camera, as /davis/left/events and /davis/left/image_raw."""
-    return any(topic.rpartition("/")[0] == other.rpartition("/")[0] for other in others)
+    return any(room_of(topic) == room_of(other) for other in others)
 
 
 def index_remedy(path):
@@ -500,7 +599,7 @@ def index_remedy(path):
     return f"Copy it again, or run: rosbag reindex {path.name}"
 
 
-def read_bag(path, folder, events_topic, frames_topic):
+def read_bag(path, folder, events_topic, frames_topic, stamp):
     need("rosbags", "rosbags")
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -516,7 +615,7 @@ def read_bag(path, folder, events_topic, frames_topic):
                                         "--frames-topic the frames); left out: " + ", ".join(left))
             # The DAVIS driver stamps the middle of an exposure; for other drivers the start is most likely.
             davis = any(c.msgtype == "dvs_msgs/msg/EventArray" for c in bag.connections)
-            reader.out.stamp = "middle" if davis else "start"
+            reader.out.stamp = stamp or ("middle" if davis else "start")
             wanted = [c for c in bag.connections if c.topic not in left]
             ros1 = not bag.is2
             for connection, at, raw in bag.messages(wanted):
@@ -544,8 +643,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("input", help="recording.aedat4 or .aedat, a ROS 1 .bag, a ROS 2 .db3, .mcap or folder")
     parser.add_argument("output", help="folder to make")
-    parser.add_argument("--events-topic", default="", help="of a bag; else the first by name")
-    parser.add_argument("--frames-topic", default="", help="of a bag; else pictures before depth, then the first by name")
+    parser.add_argument("--events-topic", default="", help="of a bag, or number or camera of a stream of AEDAT4; else the first")
+    parser.add_argument("--frames-topic", default="", help="the same for frames; else those of the events' camera")
+    parser.add_argument("--stamp", choices=("start", "middle", "end"), default="",
+                        help="instant of the exposure that the single time of a frame marks; else that of the format")
     options = parser.parse_args()
     if not os.path.exists(options.input):
         print(f"{options.input}: no such file or folder", file=sys.stderr)
@@ -553,10 +654,14 @@ def main():
     need("numpy", "numpy")
     try:
         version = aedat_version(options.input)
-        if version:
-            out = (read_aedat4 if version == "4" else read_legacy_aedat)(options.input, options.output)
+        choice = options.events_topic, options.frames_topic
+        if version == "4":
+            out = read_aedat4(options.input, options.output, *choice)
+        elif version:
+            out = read_legacy_aedat(options.input, options.output, *choice)
         else:
-            out = read_bag(options.input, options.output, options.events_topic, options.frames_topic)
+            out = read_bag(options.input, options.output, *choice, options.stamp)
+        out.stamp = options.stamp or out.stamp
         out.close()
     except Problem as problem:
         print(problem, file=sys.stderr)

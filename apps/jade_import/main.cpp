@@ -21,11 +21,11 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
       ->type_name("NAME");
   program
       .add_key_flag("--topic", "topic",
-                    "Topic of the events to read from a ROS bag with several cameras")
+                    "Topic (ROS) or camera (AEDAT4) of the events, if a file has several")
       ->type_name("NAME");
   program
       .add_key_flag("--frames-topic", "frames_topic",
-                    "Topic of the frames to read from a ROS bag with several of images")
+                    "Topic (ROS) or camera (AEDAT4) of the frames, if a file has several")
       ->type_name("NAME");
   program
       .add_key_flag("--calibration", "lens.calibration",

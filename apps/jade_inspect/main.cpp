@@ -118,11 +118,11 @@ int main(int argc, char** argv) {
       ->type_name("NAME");
   program.cli()
       .add_option("--topic", how.topic,
-                  "Topic of the events to read from a ROS bag with several cameras")
+                  "Topic (ROS) or camera (AEDAT4) of the events, if a file has several")
       ->type_name("NAME");
   program.cli()
       .add_option("--frames-topic", how.frames_topic,
-                  "Topic of the frames to read from a ROS bag with several of images")
+                  "Topic (ROS) or camera (AEDAT4) of the frames, if a file has several")
       ->type_name("NAME");
   program.add_json_flag();
   return program.run(argc, argv, [&] {

@@ -96,6 +96,7 @@ std::string next_command(const Recording& r, const RecordingNumbers& n,
 void check_calibrations(Recording& r) {
   while (!r.calibrations.empty() && fs::is_directory(r.source)) {
     const fs::path path = r.source / r.calibrations.front().name;
+    if (!fs::exists(path)) return;  // of a bag, not of a folder
     const std::string fault = import::calibration_fault(path);
     if (fault.empty()) return;
     r.warnings.push_back(concat(path.string(), fault, "; it is not used"));

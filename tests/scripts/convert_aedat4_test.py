@@ -36,7 +36,7 @@ def batch(number, names):
 
 
 # Stubs decode the packets; the file must still have a valid beginning and end.
-WHOLE = aedat4([("EVTS", 4, 2)], [(0, [("list", (1, struct.pack("<qhhB3x", 1000, 3, 1, 1)))])])
+WHOLE = aedat4([("EVTS", 4, 2), ("FRME", 4, 2), ("EVTS", 4, 2, "DVX")], [(0, [("list", (1, struct.pack("<qhhB3x", 1000, 3, 1, 1)))])])
 HEADER_END = 18 + struct.unpack_from("<I", WHOLE, 14)[0]
 
 
@@ -45,9 +45,6 @@ class AedatDecoder:
 
     def __init__(self, path):
         pass
-
-    def id_to_stream(self):
-        return {0: {"type": "events"}, 1: {"type": "frame"}, 2: {"type": "events"}}
 
     def __iter__(self):
         yield {"stream_id": 2, "events": batch(7, ("t", "x", "y", "on"))}  # of a second camera
@@ -62,7 +59,8 @@ class AedatDecoder:
 class DvRecording:
     """BGR pixels, the exposure's start and length, and a recording that ends when its first stream ends."""
 
-    def __init__(self, path):
+    def __init__(self, path, camera):
+        assert camera == ""  # the first one in the file
         pixels = (image(BLUE, GREEN, RED), image(BLUE, GREEN, RED, OPAQUE), image(RED)[..., 0])
         self.frames = [types.SimpleNamespace(timestamp=start or middle, exposure=(end - start) * MICROSECOND, image=values)
                        for (middle, start, end), values in zip(TIMES, pixels)]
@@ -92,7 +90,7 @@ class DvRecording:
 
 
 class FailingRecording:
-    def __init__(self, path):
+    def __init__(self, path, camera):
         raise RuntimeError("/include/simplefile.hpp(313): void read()\nEndOfFile: Error info: it is empty\nStacktrace:\n 0# 0x3A")
 
 
@@ -186,7 +184,9 @@ class ConvertAedat4(unittest.TestCase):
                 self.assertEqual(Hdf5File.written["p"].tolist(), [0, 1, 0] * BATCHES)
 
     def test_of_two_cameras_the_first_is_read(self):
-        self.assertIn("left out: 2 (events)", self.convert(READERS["aedat"])[1])
+        for name, reader in READERS.items():
+            with self.subTest(name):
+                self.assertIn("left out: 2 (events of DVX)", self.convert(reader)[1])
 
     def test_a_full_disk_is_told(self):
         code, said, _, times = self.convert(READERS["aedat"], room=1)

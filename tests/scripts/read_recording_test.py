@@ -100,10 +100,58 @@ class Messages(unittest.TestCase):
             return struct.pack("<HHHH", 0x2001, 0x8000 | time >> 12, 0x6000 | time & 0xfff, 0x2002)
         clock = read_recording.SensorClock()
         for stamp, time in ((10 ** 15, (1 << 24) - 10), (10 ** 15 + 30, 20), (10 ** 15 + 130, 120)):
-            self.assertEqual(read_recording.first_sensor_time(packet(time), np), time)
-            clock.packet(stamp, time)
+            times, first = read_recording.sensor_times(packet(time), "evt3", np)
+            self.assertEqual((times.tolist(), first), ([time >> 12 << 12], time))
+            self.assertEqual(clock.packet(stamp, times, first, 1 << 24), 0)
         self.assertEqual(clock.offset_us(), 10 ** 15 - (1 << 24) + 10)
-        self.assertIsNone(read_recording.first_sensor_time(b"\x01\x20", np))
+        self.assertIsNone(read_recording.sensor_times(b"\x01\x20", "evt3", np)[1])
+
+    def test_times_of_packets_of_evt2_and_evt21(self):
+        time, high, event = 0x123456789, 8 << 28 | 0x123456789 >> 6, 1 << 28 | (0x123456789 & 63) << 22 | 7
+        for encoding, words in (("evt2", (event, high, event)), ("evt21", (3, event, 0, high, 1, event)),
+                                ("evt21", (event, 3, high, 0, event, 1))):
+            data = struct.pack(f"<{len(words)}I", *words) + b"cut"
+            times, first = read_recording.sensor_times(data, encoding, np)
+            self.assertEqual((times.tolist(), first), ([time >> 6 << 6], time))
+
+    def test_stamps_count_wraps_during_a_pause(self):
+        span, second = 1 << 24, 10 ** 6
+        for pause, hidden in ((10, 0), (20, 1), (40, 2), (7200, 0)):  # the last one is a fault of the stamps
+            with self.subTest(pause):
+                clock, time = read_recording.SensorClock(), 3 * second
+                clock.packet(10 ** 15 + time, np.array([time]), time, span)
+                time += pause * second
+                self.assertEqual(clock.packet(10 ** 15 + time, np.array([time % span]), time % span, span), hidden)
+                if hidden:
+                    self.assertEqual(clock.ahead, [10 ** 15] * 2)
+
+    def test_a_wrap_within_a_packet_counts(self):
+        clock = read_recording.SensorClock()
+        clock.packet(10 ** 15, np.array([(1 << 24) - 4096, 0]), (1 << 24) - 4096, 1 << 24)
+        self.assertEqual(clock.packet(10 ** 15 + 8192, np.array([4096]), 4096, 1 << 24), 0)
+        self.assertEqual(clock.ahead, [10 ** 15 - (1 << 24) + 4096] * 2)
+
+    def test_a_pause_is_written_as_time_words(self):
+        with tempfile.TemporaryDirectory() as folder:
+            reader = read_recording.BagReader(folder)
+            for second, high in ((0, 1), (40, 1 + (40000000 - (2 << 24) >> 12))):
+                stamp = types.SimpleNamespace(sec=1000 + second, nanosec=0)
+                reader.packet(types.SimpleNamespace(
+                    header=types.SimpleNamespace(stamp=stamp), width=4, height=2, encoding="evt3",
+                    events=np.array([0x8000 | high, 0x6002], "<u2").view(np.uint8)))
+            reader.out.close()
+            words = np.frombuffer((Path(folder) / "events.raw").read_bytes().partition(b"% end\n")[2], "<u2").tolist()
+            wraps = 2 * [0x87ff, 0x8fff, 0x8000]
+            self.assertEqual(words, [0x8001, 0x6002, *wraps, 0x8000 | high, 0x6002, 0x8000 | high, 0x6002])
+
+    def test_the_stamp_places_the_exposure(self):
+        for stamp, start in (("start", 5000), ("middle", 4500), ("end", 4000)):
+            with self.subTest(stamp), tempfile.TemporaryDirectory() as folder:
+                reader = read_recording.BagReader(folder)
+                reader.out.stamp, reader.out.exposures = stamp, [("000000", 5000, 5000)]
+                reader.pictures, reader.lengths = [(1, "/dvs")], {"/dvs": [(1, 1000)]}
+                reader.give_lengths()
+                self.assertEqual(reader.out.exposures, [("000000", start, start + 1000)])
 
     def test_one_topic_of_each_kind(self):
         topics = [types.SimpleNamespace(topic=topic, msgtype=kind) for topic, kind in (
@@ -115,10 +163,28 @@ class Messages(unittest.TestCase):
             read_recording.chosen_topics(topics, "", "/c")
 
     def test_frames_come_from_the_camera_of_the_events(self):
-        topics = [types.SimpleNamespace(topic=f"/{side}/{name}", msgtype=kind) for side in ("left", "right") for name, kind in (
-            ("events", "dvs_msgs/msg/EventArray"), ("image_raw", "sensor_msgs/msg/Image"))]
-        self.assertEqual(read_recording.chosen_topics(topics, "", ""), ["/right/events", "/right/image_raw"])
-        self.assertEqual(read_recording.chosen_topics(topics, "/right/events", ""), ["/left/events", "/left/image_raw"])
+        for image, message in (("image_raw", "Image"), ("image_raw/compressed", "CompressedImage")):
+            topics = [types.SimpleNamespace(topic=f"/davis/{side}/{name}", msgtype=kind) for side in ("left", "right")
+                      for name, kind in (("events", "dvs_msgs/msg/EventArray"), (image, f"sensor_msgs/msg/{message}"))]
+            right, left = [[f"/davis/{side}/events", f"/davis/{side}/{image}"] for side in ("right", "left")]
+            self.assertEqual(read_recording.chosen_topics(topics, "", ""), right)
+            self.assertEqual(read_recording.chosen_topics(topics, right[0], ""), left)
+            self.assertEqual(read_recording.chosen_topics(topics, "", right[1]), left)
+
+    def test_frames_of_the_scene_come_before_renderings_and_rectified_frames(self):
+        for other, kept in (("/events/rendered", "/flir/image"), ("/flir/dvs_rendering", "/flir/image"), ("/flir/a_rect", "/flir/image"),
+                            ("/flir/corrected", "/flir/corrected")):
+            topics = [types.SimpleNamespace(topic=topic, msgtype=kind) for topic, kind in (
+                ("/events/events", "dvs_msgs/msg/EventArray"), (other, "sensor_msgs/msg/Image"), ("/flir/image", "sensor_msgs/msg/Image"))]
+            left = read_recording.chosen_topics(topics, "", "")
+            self.assertEqual({other, "/flir/image"} - set(left), {kept})
+
+    def test_renderings_without_other_frames_are_a_warning(self):
+        for topic, count in (("/dvs/dvs_rendering", 1), ("/dvs/image_raw", 0)):
+            with tempfile.TemporaryDirectory() as folder:
+                reader = read_recording.BagReader(folder)
+                reader.frames_topic = topic
+                self.assertEqual(len(reader.finish().warnings), count)
 
     def test_pictures_come_before_depth(self):
         topics = [types.SimpleNamespace(topic=topic, msgtype=kind) for topic, kind in (
@@ -144,12 +210,65 @@ class Messages(unittest.TestCase):
             self.assertIn("image_width: 240\nimage_height: 180\ncamera_matrix:\n", text)
             self.assertIn("  data: [199.0, 0.0, 120.0, 0.0, 198.0, 90.0, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n", text)
             self.assertIn("  data: [-0.3, 0.1, 0.0, 0.0, 0.0]\n", text)
+            self.assertNotIn("binning", text)
+            message.binning_x = message.binning_y = 2
+            self.assertIn("\nbinning_x: 2\nbinning_y: 2\n", read_recording.camera_info_text(message))
             setattr(message, names[0], np.zeros(9))
             self.assertIsNone(read_recording.camera_info_text(message))
 
-    def test_the_first_stream_of_each_kind(self):
-        streams = {number: {"type": kind} for number, kind in ((4, "events"), (0, "imus"), (1, "events"), (2, "frame"), (3, "imus"))}
-        self.assertEqual(read_recording.other_streams(streams), [4])
+    def calibration(self, frames, events, **changes):
+        """The camera_info.yaml and the warnings of a bag with these topics."""
+        turn = np.array([0.0, -1, 0, 1, 0, 0, 0, 0, 1])  # by 90 degrees
+        message = types.SimpleNamespace(width=240, height=180, distortion_model="plumb_bob", binning_x=0, binning_y=0, R=turn,
+                                        K=np.array([199.0, 0, 120, 0, 198, 90, 0, 0, 1]), D=np.array([-0.3, 0.1, 0, 0, 0]),
+                                        P=np.array([150.0, 0, 121, -7, 0, 151, 91, 0, 0, 0, 1, 0]))
+        vars(message).update(changes)
+        with tempfile.TemporaryDirectory() as folder:
+            reader = read_recording.BagReader(folder)
+            reader.infos = {read_recording.room_of(frames): message}
+            reader.rooms = {"frames": read_recording.room_of(frames), "events": read_recording.room_of(events)}
+            reader.frames_topic = frames
+            reader.give_calibration()
+            path = Path(folder) / "camera_info.yaml"
+            return path.read_text() if path.exists() else "", reader.out.warnings
+
+    def test_rectified_frames_have_the_matrix_p(self):
+        text, warnings = self.calibration("/cam/image_rect", "/dvs/events")
+        self.assertIn("  data: [150.0, 0.0, 121.0, 0.0, 151.0, 91.0, 0.0, 0.0, 1.0]\n", text)
+        self.assertIn("  data: []\n", text)
+        self.assertEqual(warnings, [])
+
+    def test_rectified_frames_and_raw_events_are_two_views(self):
+        text, warnings = self.calibration("/dvs/image_rect_color/compressed", "/dvs/events")
+        self.assertRegex(text, r"(?s)^cam0:.*  intrinsics: \[150.0, 151.0, 121.0, 91.0\]\n.*  distortion_model: none\ncam1:")
+        self.assertRegex(text, r"(?s)cam1:.*  intrinsics: \[199.0, 198.0, 120.0, 90.0\]\n.*  distortion_coeffs: \[-0.3, 0.1, 0.0, 0.0\]\n"
+                               r"  T_cn_cnm1: \[\[0.0, 1.0, 0.0, 0.0\], \[-1.0, 0.0, 0.0, 0.0\], ")
+        self.assertRegex(warnings[0], "found /dvs/image_rect_color/compressed, which is rectified .* --plane-depth 1 ")
+        text, warnings = self.calibration("/dvs/image_rect", "/dvs/events", D=np.array([-0.3, 0.1, 0, 0, 0.2]))
+        self.assertEqual(text, "")
+        self.assertRegex(warnings[0], "camera_info cannot be used: .* --calibration of both")
+
+    def test_raw_frames_and_those_without_distortion_are_one_view(self):
+        for frames, changes in (("/dvs/image_raw", {}), ("/dvs/image_rect", {"D": (), "P": (199, 0, 120, 0, 0, 198, 90, 0, 0, 0, 1, 0)})):
+            text, warnings = self.calibration(frames, "/dvs/events", **changes)
+            self.assertIn("  data: [199.0, 0.0, 120.0, 0.0, 198.0, 90.0, 0.0, 0.0, 1.0]\n", text)
+            self.assertEqual(warnings, [])
+
+    def test_one_stream_of_each_kind(self):
+        streams = {number: {"type": kind, "source": camera} for number, kind, camera in (
+            (4, "events", "A"), (0, None, "A"), (1, "events", "B"), (2, "frame", "A"), (3, "triggers", "B"))}
+        chosen, problem = read_recording.chosen_streams, read_recording.NoSuchStream
+        self.assertEqual(chosen(streams), {"events": 4, "frame": 2, "triggers": 3})
+        for wanted in ("1", "B"):
+            self.assertEqual(chosen(streams, wanted), {"events": 1, "frame": 2, "triggers": 3})
+        self.assertEqual(chosen(streams, "", "A"), {"events": 4, "frame": 2, "triggers": 3})
+        with self.assertRaisesRegex(problem, r"of events, found 2; there are 1 \(B\), 4 \(A\)$"):
+            chosen(streams, "2")
+        self.assertEqual(list(read_recording.stream_notes(streams, chosen(streams, "1"))), [
+            "only one stream of each kind is read; left out: 4 (events of A)", "events are of B, frames of A"])
+        unnamed = {number: {"type": kind, "source": ""} for number, kind in ((0, "events"), (1, "events"), (2, "frame"))}
+        self.assertEqual(chosen(unnamed), {"events": 0, "frame": 2})
+        self.assertEqual(chosen({}), {})
 
     def test_a_full_disk_is_named(self):
         full = OSError("Can't write data (file write failed: errno = 28, error message = 'No space left on device')")
@@ -176,9 +295,9 @@ class Bags(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = Path(folder.name)
 
-    def convert(self, path):
+    def convert(self, path, *options):
         out = self.folder / f"out_of_{path.name}"
-        done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, out], capture_output=True, text=True)
+        done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, out, *options], capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
         return out
 
@@ -221,6 +340,9 @@ class Bags(unittest.TestCase):
                                                        ("000002", "7496000", "7504000")])
         self.assertIn("width 346", (out / "recording.txt").read_text())
         self.assertIn("  data: [250.0, 0.0, 170.0, 0.0, 251.0, 130.0, 0.0, 0.0, 1.0]\n", (out / "camera_info.yaml").read_text())
+        self.convert(self.folder / "a.bag", "--stamp", "end")
+        self.assertEqual(rows(out / "exposures.csv")[0], ("000000", "7496000", "7500000"))
+        self.assertIn("stamp end\n", (out / "recording.txt").read_text())
         # Another recording into the same folder: the first one's files are removed, others stay.
         (out / "images" / "mine.png").touch()
         (out / "triggers.csv").touch()
@@ -311,10 +433,13 @@ def flatbuffer(kind, fields):
 
 
 def aedat4(streams, packets):
-    """A file without compression. streams: (kind, width, height); packets: (number of the stream, fields)."""
+    """A file without compression. streams: (kind, width, height, camera or nothing); packets: (number of the stream,
+    fields).
+    """
     nodes = "".join(f'<node name="{i}"><attr key="typeIdentifier" type="string">{kind}</attr><node name="info">'
-                    f'<attr key="sizeX" type="int">{width}</attr><attr key="sizeY" type="int">{height}</attr></node></node>'
-                    for i, (kind, width, height) in enumerate(streams))
+                    f'<attr key="sizeX" type="int">{width}</attr><attr key="sizeY" type="int">{height}</attr>'
+                    + "".join(f'<attr key="source" type="string">{name}</attr>' for name in camera) + "</node></node>"
+                    for i, (kind, width, height, *camera) in enumerate(streams))
     described = f'<dv version="2.0"><node name="outInfo">{nodes}</node></dv>'.encode()
     out = b"#!AER-DAT4.0\r\n" + flatbuffer(b"IOHE", [("i", 0), ("q", -1), ("list", (len(described), described + b"\0"))])
     for number, fields in packets:
@@ -335,10 +460,11 @@ class Aedat4(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = Path(folder.name)
 
-    def run_on(self, content):
+    def run_on(self, content, *options):
         path = self.folder / "a.aedat4"
         path.write_bytes(content)
-        return subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, self.folder / "out"], capture_output=True, text=True)
+        return subprocess.run([sys.executable, SCRIPTS / "read_recording.py", path, self.folder / "out", *options],
+                              capture_output=True, text=True)
 
     def test_events_frames_and_triggers(self):
         event_lists = (((1000, 3, 4, 1), (1001, 345, 259, 0)), ((1002, 0, 1, 1),))
@@ -363,7 +489,24 @@ class Aedat4(unittest.TestCase):
         self.assertEqual(cv2.imread(str(out / "images/000000.png")).tolist(), [[[1, 2, 3], [4, 5, 6]]])
         self.assertEqual(cv2.imread(str(out / "images/000001.png"), cv2.IMREAD_UNCHANGED).tolist(), [[7], [200]])
 
-    def test_of_two_cameras_the_first_is_read(self):
+    def test_events_and_frames_come_from_one_camera(self):
+        packets = [(number, [("list", (1, struct.pack("<qhhB3x", 1000, x, 4, 1)))]) for number, x in ((0, 3), (1, 5))]
+        packets.append((2, aedat4_frame(1500, 1100, 1900, 0, 1, 2, [7, 7])))
+        content = aedat4([("EVTS", 346, 260, "DVX"), ("EVTS", 346, 260, "DAVIS"), ("FRME", 346, 260, "DAVIS")], packets)
+        import h5py
+        for options, x, note in (((), 5, "0 (events of DVX)"), (("--events-topic", "DVX"), 3, "1 (events of DAVIS)"),
+                                 (("--events-topic", "0"), 3, "1 (events of DAVIS)")):
+            with self.subTest(options):
+                done = self.run_on(content, *options)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                with h5py.File(self.folder / "out" / "events.h5") as file:
+                    self.assertEqual(file["x"][:].tolist(), [x])
+                self.assertIn(f"left out: {note}\n", (self.folder / "out" / "recording.txt").read_text())
+        done = self.run_on(content, "--events-topic", "2")
+        self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+        self.assertRegex(done.stderr, r"a.aedat4: expected the number or camera .*, found 2; there are 0 \(DVX\), 1 \(DAVIS\)\n$")
+
+    def test_of_two_unnamed_cameras_the_first_is_read(self):
         packets = [(number, [("list", (1, struct.pack("<qhhB3x", *event)))])
                    for number, event in ((1, (1000, 600, 400, 1)), (0, (1001, 3, 4, 1)), (1, (1002, 600, 401, 1)))]
         packets += [(number, aedat4_frame(1500, 1100, 1900, 0, 1, 2, [value, value])) for number, value in ((2, 7), (3, 200))]

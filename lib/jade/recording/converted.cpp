@@ -26,6 +26,7 @@ void convert(const fs::path& path, const ReadOptions& options, const fs::path& f
   if (!options.topic.empty()) command.insert(command.end(), {"--events-topic", options.topic});
   if (!options.frames_topic.empty())
     command.insert(command.end(), {"--frames-topic", options.frames_topic});
+  if (options.stamp) command.insert(command.end(), {"--stamp", word_of(*options.stamp)});
   const int code = run_to_end(command, {}, log);
   if (code == 0) return;
   const std::string said = last_line(log);
@@ -45,15 +46,30 @@ void convert(const fs::path& path, const ReadOptions& options, const fs::path& f
   throw DataError(concat(path.string(), ": scripts/read_recording.py failed (", code, "): ", said));
 }
 
-/// Notes on deleted temporary files would be confusing.
-void name_original(const fs::path& made, const fs::path& original, Recording& recording) {
-  const std::string prefix = made.string() + "/";
-  for (auto* const lines : {&recording.notes, &recording.warnings}) {
-    for (std::string& line : *lines) {
-      if (line.rfind(prefix, 0) == 0) line = original.string() + line.substr(line.find(": "));
+/// A folder of temporary files, which are deleted when the user reads of them, and the recording
+/// they were made from.
+struct Made {
+  fs::path folder, original;
+
+  /// The line about the recording instead of a temporary file.
+  std::string renamed(const std::string& line) const {
+    const bool is_of_folder = line.rfind(folder.string() + "/", 0) == 0;
+    return is_of_folder ? original.string() + line.substr(line.find(": ")) : line;
+  }
+
+  /// Calls `read`; its errors, and the recording's notes and warnings, name the recording.
+  template <class Read>
+  void name_original(Recording& recording, const Read& read) const {
+    try {
+      read();
+    } catch (const DataError& error) {
+      throw DataError(renamed(error.what()));
+    }
+    for (auto* const lines : {&recording.notes, &recording.warnings}) {
+      for (std::string& line : *lines) line = renamed(line);
     }
   }
-}
+};
 
 }  // namespace
 
@@ -69,13 +85,12 @@ std::string last_line(const fs::path& log) {
 Contents read_converted(const fs::path& path, const ReadOptions& options) {
   const auto folder = std::make_shared<TemporaryFolder>();
   convert(path, options, folder->path());
-  const fs::path made = folder->path() / "out";
-  Contents out = read_event_folder(made, options);
-  name_original(made, path, out.recording);
+  const Made made{folder->path() / "out", path};
+  Contents out;
+  made.name_original(out.recording, [&] { out = read_event_folder(made.folder, options); });
   if (out.read_events) {
     out.read_events = [=, read = out.read_events](const Wanted& wanted, Recording& recording) {
-      read(wanted, recording);
-      name_original(made, path, recording);
+      made.name_original(recording, [&] { read(wanted, recording); });
     };
   }
   out.keep = folder;

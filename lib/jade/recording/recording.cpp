@@ -56,9 +56,10 @@ void check_choice(const fs::path& path, const ReadOptions& options) {
   const Format format = recognise(path);
   for (const auto& [topic, flag] :
        {std::pair{options.topic, "--topic"}, std::pair{options.frames_topic, "--frames-topic"}}) {
-    if (topic.empty() || format == Format::kRosBag) continue;
-    throw DataError(concat(path.string(), ": expected a ROS bag, of which a topic is chosen (",
-                           topic, "), found ", word_of(format), "; leave ", flag, " out"));
+    if (topic.empty() || format == Format::kRosBag || format == Format::kAedat) continue;
+    throw DataError(concat(path.string(),
+                           ": expected a ROS bag or AEDAT, of which a topic is chosen (", topic,
+                           "), found ", word_of(format), "; leave ", flag, " out"));
   }
   // A folder may contain HDF5; its reader decides.
   const bool hdf5 = format == Format::kHdf5 || format == Format::kFrameFolder;
