@@ -124,18 +124,37 @@ TEST_CASE("evt: EVT 3.0 single events, vectors of 12, 12 and 8, redundant times"
   CHECK(decoded(path, 1) == expected);
 }
 
+TEST_CASE("evt: a damaged time far ahead moves no later events", "[recording]") {
+  const TempDir dir;
+  std::string three = evt_header("3.0"), two = evt_header("2.0");
+  for (const int64_t t : {1 << 12, 4095 << 12, 1 << 12, 2 << 12})
+    three += evt3_time(t) + evt3_word(2, 1);
+  for (const int64_t t : {int64_t(64), int64_t(1) << 33, (int64_t(1) << 33) + 128, int64_t(128)})
+    two += bytes_of(evt2_time(t), 4) + bytes_of(evt2_event(t, 0, 0, true), 4);
+  for (const auto& [text, last] :
+       {std::pair{three, int64_t(2) << 12}, std::pair{two, int64_t(128)}}) {
+    EvtDecoder decoder(dir.write("a.raw", text));
+    CHECK(decoded(decoder).back().t == last);
+  }
+  const Recording read = read_recording(dir.write("three.raw", three));
+  CHECK(read.events.size() == 4);
+  std::string warnings;
+  for (const std::string& line : read.warnings) warnings += line + "\n";
+  CHECK_THAT(warnings, test::naming("1 times", "far ahead", "damaged"));
+}
+
 TEST_CASE("evt: the time counter wraps, small steps back do not wrap it", "[recording]") {
   const TempDir dir;
   const int64_t range = int64_t(1) << 24;
   std::string text = evt_header("3.0");
   for (const int64_t t :
-       {range - 5, int64_t(3), int64_t(5000), int64_t(4000), range - 1, int64_t(0)})
+       {range - 5, int64_t(3), int64_t(5000), int64_t(4000), range / 2, range - 1, int64_t(0)})
     text += evt3_time(t) + evt3_word(2, 1);
   EvtDecoder decoder(dir.write("a.raw", text));
   std::vector<int64_t> times;
   for (const PlainEvent& event : decoded(decoder)) times.push_back(event.t);
   CHECK(times == std::vector<int64_t>{range - 5, range + 3, range + 5000, range + 4000,
-                                      2 * range - 1, 2 * range});
+                                      range + range / 2, 2 * range - 1, 2 * range});
   CHECK(decoder.counts().wraps == 2);
   CHECK(decoder.counts().backwards == 1);
 

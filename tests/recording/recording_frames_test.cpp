@@ -341,6 +341,24 @@ TEST_CASE("recording: what a folder has but is not read is named", "[recording]"
   CHECK(read_recording(dir / "two").frames.size() == 2);
 }
 
+TEST_CASE("recording: of several trigger channels that with a pulse per frame counts",
+          "[recording]") {
+  const TempDir dir;
+  std::string text = evt_header("3.0", "% geometry 640x480\n");
+  text += evt3_time(500) + evt3_word(2, 1);
+  for (const auto& [t, level] : {std::pair{1000, 1}, {1400, 0}, {2000, 1}, {2300, 0}})
+    text += evt3_time(t) + evt3_word(10, level);
+  for (int t = 2400; t < 2900; t += 50) text += evt3_time(t) + evt3_word(10, 0x600 | (t / 50) % 2);
+  const auto raw = dir.write("clock.raw", text + evt3_time(3000) + evt3_word(2, 2));
+  write_frames(dir / "frames", 2);
+  ReadOptions options;
+  options.frames = dir / "frames";
+  const Recording recording = read_recording(raw, options);
+  CHECK(recording.frames[1].t_start_us == 2000);
+  CHECK(recording.frames[1].t_end_us == 2300);
+  CHECK_THAT(notes_of(recording), test::naming("channel 0", "one pulse per frame"));
+}
+
 TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[recording]") {
   const TempDir dir;
   const auto raw = write_triggered(dir);
@@ -366,6 +384,18 @@ TEST_CASE("recording: frames of a video come through ffmpeg with its times", "[r
   CHECK(recording.frames[2].image[0][0][0].item<float>() == Approx(0.2).margin(2e-3));
   CHECK_THAT(notes_of(recording), test::naming("clock", "video"));
   CHECK_THAT(notes_of(recording), test::naming("2 pulses", "3 frames"));
+  // Version 4 rounds seconds to six digits; the ticks are exact.
+  const FakeProgram rounding(
+      dir, "ffmpeg",
+      "for last; do :; done; out=$(dirname \"$last\"); i=0\n"
+      "echo '[Parsed_showinfo_0 @ 0x55] config in time_base: 1/30000, frame_rate: 30/1' >&2\n"
+      "for f in " +
+          (dir / "decoded").string() +
+          "/*; do\n"
+          "  i=$((i+1)); cp $f $out/0000000$i.png\n"
+          "  echo \"[Parsed_showinfo_0 @ 0x55] n: $i pts:  3426100$i pts_time:1142.03\" >&2\n"
+          "done\n");
+  CHECK(read_recording(raw, options).frames[0].t_start_us == 1142033367);
   const FakeProgram broken(dir, "ffmpeg", "echo moov atom not found >&2; exit 1\n");
   CHECK_THAT(
       error_of([&] { read_recording(raw, options); }),

@@ -281,8 +281,8 @@ std::vector<std::string> unfound_events(const fs::path& folder) {
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string name = entry->path().filename().string();
-    if (name[0] != '.' && has_ending_of(in_small_letters(name),
-                                        {".aedat", ".aedat4", ".bag", ".mcap", ".dat", ".zip"}))
+    if (name[0] != '.' && has_ending_of(in_small_letters(name), {".aedat", ".aedat4", ".bag",
+                                                                 ".mcap", ".db3", ".dat", ".zip"}))
       out.push_back(name);
   }
   std::sort(out.begin(), out.end());
@@ -314,7 +314,8 @@ bool holds_bag(const fs::path& folder) {
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
-    const auto kind = entry->path().extension();
+    const bool packed = entry->path().extension() == ".zstd";  // compression_mode FILE
+    const auto kind = (packed ? entry->path().stem() : entry->path()).extension();
     if (kind == ".db3" || kind == ".mcap") return true;
   }
   return false;

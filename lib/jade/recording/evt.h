@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -47,6 +48,7 @@ struct EvtCounts {
   int64_t backwards = 0;    ///< events earlier than their predecessor, kept
   int64_t unknown = 0;      ///< words of unknown type, skipped
   int64_t wraps = 0;        ///< wraps of the sensor's time counter
+  int64_t ahead = 0;        ///< damaged times far ahead, after which the counter goes on as before
   int64_t cut_bytes = 0;    ///< bytes of an incomplete word at the end of the file
 };
 
@@ -96,6 +98,7 @@ class EvtDecoder {
   EvtCounts counts_;
   // State of the stream.
   bool has_time_ = false;
+  std::optional<int64_t> before_leap_us_;  // the counter before its last step, if that was long
   int64_t high_us_ = 0, wrap_us_ = 0, time_us_ = 0, latest_us_ = INT64_MIN;
   int64_t row_ = 0, base_x_ = 0;
   bool base_on_ = false;

@@ -27,18 +27,34 @@ constexpr const char* kExpectedFrames = "expected a folder of images or a video"
 constexpr const char* kGiveTimes =
     "give a list \"name,start_us,end_us\" of their exposures, or record them with a trigger signal";
 
-/// Times reported by ffmpeg's filter showinfo, one per frame: "… pts_time:0.033 …".
+/// The number behind a mark and spaces in a line; no value if there is none.
+template <class Number>
+std::optional<Number> number_behind(const std::string& line, const std::string& mark) {
+  const auto at = line.find(mark);
+  if (at == std::string::npos) return std::nullopt;
+  const auto begin = line.find_first_not_of(' ', at + mark.size());
+  Number value{};
+  if (begin == std::string::npos ||
+      std::from_chars(line.data() + begin, line.data() + line.size(), value).ec != std::errc())
+    return std::nullopt;
+  return value;
+}
+
+/// Times reported by ffmpeg's filter showinfo, one per frame: "… pts: 512 pts_time:0.033 …". Old
+/// versions round seconds to six digits, so the ticks count, in "time_base: 1/15360" of the log.
 std::vector<int64_t> reported_times(const fs::path& log) {
-  constexpr const char* kMark = "pts_time:";
   std::istringstream text(read_file(log));
   std::vector<int64_t> out;
+  double tick_s = 0;
   for (std::string line; std::getline(text, line);) {
-    const auto at = line.find(kMark);
-    if (line.find("showinfo") == std::string::npos || at == std::string::npos) continue;
-    const char* const begin = line.data() + at + std::char_traits<char>::length(kMark);
-    double seconds = 0;
-    if (std::from_chars(begin, line.data() + line.size(), seconds).ec != std::errc()) continue;
-    out.push_back(std::llround(1e6 * seconds));
+    if (line.find("showinfo") == std::string::npos) continue;
+    const auto ticks_s = number_behind<int64_t>(line, "config in time_base:");
+    const auto per_s = number_behind<int64_t>(line, "/");
+    if (ticks_s && per_s && *per_s > 0) tick_s = double(*ticks_s) / double(*per_s);
+    const auto seconds = number_behind<double>(line, "pts_time:");
+    if (!seconds) continue;
+    const auto ticks = number_behind<int64_t>(line, " pts:");
+    out.push_back(std::llround(1e6 * (ticks && tick_s > 0 ? double(*ticks) * tick_s : *seconds)));
   }
   return out;
 }
@@ -209,11 +225,27 @@ void check_level(const ReadOptions& options, size_t frames, Recording& recording
              word_of(other)));
 }
 
+/// Exchanges the triggers for those of another channel if only that has one pulse per frame.
+void prefer_channel(const ReadOptions& options, size_t frames, Recording& recording) {
+  const auto fits = [&](const Triggers& triggers) {
+    return exposures_of(triggers, options.trigger_level).size() == frames;
+  };
+  if (frames == 0 || fits(recording.triggers)) return;
+  for (const auto& [channel, triggers] : recording.other_triggers) {
+    if (!fits(triggers)) continue;
+    recording.triggers = triggers;
+    recording.notes.push_back(concat("channel ", channel, " of the trigger input is used after ",
+                                     "all, as it has one pulse per frame"));
+    return;
+  }
+}
+
 /// Uses the trigger input if it has one pulse, or one edge, per frame. A length that the user gives
 /// replaces that of the pulses, as a strobe's pulse marks only a time.
 void apply_triggers(const ReadOptions& options, Contents& contents) {
   auto& files = contents.files;
   Recording& recording = contents.recording;
+  prefer_channel(options, files.size(), recording);
   const Triggers& triggers = recording.triggers;
   if (triggers.rising_us.empty() && triggers.falling_us.empty()) return;
   if (std::none_of(files.begin(), files.end(), lacks_length)) return;
@@ -365,6 +397,7 @@ void choose_channel(const fs::path& path, const std::map<int64_t, Triggers>& cha
     std::sort(edges->begin(), edges->end());
   for (const auto& [channel, edges] : channels) {
     if (channel == most->first) continue;
+    recording.other_triggers[channel] = edges;
     recording.notes.push_back(concat(path.string(), ": ", count(edges),
                                      " trigger edges of channel ", channel,
                                      " are left out; those of channel ", most->first, " are more"));

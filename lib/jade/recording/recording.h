@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -44,6 +45,7 @@ struct Recording {
   /// Which instant of the exposure a frame's single time marks, if its length is unknown.
   Stamp stamp = Stamp::kMiddle;
   Triggers triggers;
+  std::map<int64_t, Triggers> other_triggers;  ///< by channel, those that `triggers` leaves out
   /// Folder whose frames may have masks/ and mask.png beside them; empty: frames are temporary
   /// files.
   std::filesystem::path mask_root;
