@@ -85,3 +85,13 @@ TEST_CASE("hot pixels: nothing and little are no reason to accuse a pixel", "[im
   CHECK(counter.counts().sum().item<int64_t>() == 2);
   CHECK(import::find_hot_pixels(counter).pixels.empty());
 }
+
+TEST_CASE("hot pixels: events on every other pixel accuse none but the hot one", "[import]") {
+  const auto all = noisy_recording();
+  import::PixelCounter fine({2 * kHeight, 2 * kWidth});
+  fine.add({2 * all.x(), 2 * all.y(), all.t_us(), all.polarity()});
+  const auto hot = import::find_hot_pixels(fine);
+  REQUIRE(hot.pixels.size() == 2);
+  CHECK((hot.pixels[0].row == 22 && hot.pixels[0].column == 60));
+  CHECK((hot.pixels[1].row == 6 && hot.pixels[1].column == 14));
+}

@@ -89,7 +89,8 @@ struct DensifyOptions {
 template <class V>
 void describe(V& v, DensifyOptions& o) {
   v.field("strategy", o.strategy, "how Gaussians are added and removed");
-  v.field("statistics", o.statistics, "which poses of an exposure contribute to the screen gradients");
+  v.field("statistics", o.statistics,
+          "which poses of an exposure contribute to the screen gradients");
   v.fixed("from", o.from);
   v.field("until", o.until,
           "no densification and no opacity reset from this step on; the first densification comes "

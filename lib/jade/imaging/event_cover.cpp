@@ -81,7 +81,7 @@ std::string cover_fault(const events::EventStream& events, const torch::Tensor& 
     return concat("expected events all over the ", width, "x", height, " frames, found ", inside,
                   " within ", std::lround(100 * share), " % of their ", name,
                   "; does the event sensor have fewer pixels, or a region of interest? Scale the "
-                  "events to the frames, or crop the frames");
+                  "frames to the events, or crop them");
   }
   return "";
 }

@@ -303,10 +303,20 @@ std::vector<double> find_blur(const Capture& capture) {
   return blur;
 }
 
+/// Warns if hot pixels have so many of the events that most cannot be defects.
+void warn_of_many(const std::vector<HotPixel>& pixels, const Capture& capture) {
+  constexpr double kMany = 0.2;  // of all events
+  const int64_t all = capture.events.size(), lost = all - without(pixels, capture).size();
+  if (double(lost) <= kMany * double(all)) return;
+  log_warn(concat(capture.source, ": ", lost, " of ", all, " events come from ", pixels.size(),
+                  " hot pixels and are left out; --set sensor.remove_hot_pixels=false keeps them"));
+}
+
 SensorFinding find_sensor(const SensorOptions& options, const events::EventOptions& events,
                           const Capture& capture, const Align& align) {
   SensorFinding finding;
   if (options.remove_hot_pixels) finding.hot_pixels = hot_pixels_of(capture);
+  warn_of_many(finding.hot_pixels, capture);
   finding.said = concat(finding.hot_pixels.size(), " hot pixels removed, ");
   warn_of_mosaics(capture);
   Capture cleaned = capture;

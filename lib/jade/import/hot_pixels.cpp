@@ -34,7 +34,17 @@ class PixelOf {
   int64_t height_, width_;
 };
 
-/// Median of the neighbours of a pixel, excluding itself.
+/// Median of the counts that are not 0; 0 if all are.
+template <class Counts>
+double median_of_active(Counts first, Counts last) {
+  last = std::remove(first, last, int64_t(0));
+  if (first == last) return 0;
+  const auto middle = first + (last - first) / 2;
+  std::nth_element(first, middle, last);
+  return double(*middle);
+}
+
+/// Median of the neighbours of a pixel that have events, excluding itself.
 double median_around(const int64_t* counts, int64_t row, int64_t column, int64_t height,
                      int64_t width) {
   std::array<int64_t, (2 * kReach + 1) * (2 * kReach + 1)> values{};
@@ -46,10 +56,7 @@ double median_around(const int64_t* counts, int64_t row, int64_t column, int64_t
       if (i != row || j != column) values[n++] = counts[i * width + j];
     }
   }
-  if (n == 0) return 0;
-  const auto middle = values.begin() + std::ptrdiff_t(n / 2);
-  std::nth_element(values.begin(), middle, values.begin() + std::ptrdiff_t(n));
-  return double(*middle);
+  return median_of_active(values.begin(), values.begin() + std::ptrdiff_t(n));
 }
 
 }  // namespace
@@ -79,7 +86,8 @@ HotPixels find_hot_pixels(const PixelCounter& counter) {
   const torch::Tensor counts = counter.counts();
   const int64_t height = counts.size(0), width = counts.size(1);
   const int64_t* const data = counts.const_data_ptr<int64_t>();
-  const auto median = double(counts.flatten().median().item<int64_t>());
+  std::vector<int64_t> all(data, data + counts.numel());
+  const double median = median_of_active(all.begin(), all.end());
   const double seconds = std::max(counter.seconds(), 1e-6);
   HotPixels result{{}, torch::zeros({height, width}, torch::kBool)};
   bool* const mask = result.mask.data_ptr<bool>();

@@ -23,6 +23,8 @@ constexpr double kFarFromMiddle = 0.15;
 /// Shares of the events allowed to fall outside the image, before a warning and before an error. A
 /// lens with a wide margin loses a fifth.
 constexpr double kManyLost = 0.4, kMostLost = 0.9;
+/// Frames with more pixels than this per pixel of the event sensor, per side, are scaled to it.
+constexpr double kFiner = 1.2;
 
 /// A file without a size may be for another one.
 void warn_of_size(const Calibration& calibration, size_t index, const Capture& capture) {
@@ -56,6 +58,40 @@ RectifyCameras cameras_of(const Calibration& calibration, const Capture& capture
     camera_of(calibration, 0, capture.sensor.width, capture.sensor.height, "events");
   }
   return cameras;
+}
+
+/// [C,H,W] float32, averaged over the pixels of the larger image.
+torch::Tensor scaled(const torch::Tensor& image, int64_t height, int64_t width) {
+  return at::_upsample_bilinear2d_aa(image.unsqueeze(0), {height, width}, false).squeeze(0);
+}
+
+/// A pixel of the smaller mask counts if all pixels do that it averages.
+torch::Tensor scaled_mask(const torch::Tensor& mask, int64_t height, int64_t width) {
+  return scaled(mask.to(torch::kFloat32), height, width) > 1 - 1e-4;
+}
+
+/// Scales frames to the pixels of an event sensor that is coarser. An event moves to one frame
+/// pixel, so of several frame pixels per event pixel the others would stay as blurred as they are.
+/// @return a text for the summary; empty if nothing changes
+std::string scale_finer_frames(RectifyCameras& cameras, Capture& capture) {
+  if (!cameras.events) return "";
+  const geometry::Intrinsics from = cameras.frames.pinhole();
+  const double finer = from.fx / cameras.events->second.pinhole().fx;
+  if (finer <= kFiner) return "";
+  geometry::Intrinsics to = from;
+  to.width = std::llround(double(from.width) / finer);
+  to.height = std::llround(double(from.height) / finer);
+  const double x = double(to.width) / double(from.width);
+  const double y = double(to.height) / double(from.height);
+  to.fx *= x, to.cx *= x, to.fy *= y, to.cy *= y;
+  cameras.frames = geometry::LensCamera(to, cameras.frames.lens());
+  for (Shot& shot : capture.shots) {
+    shot.image = scaled(shot.image, to.height, to.width);
+    if (shot.mask.defined()) shot.mask = scaled_mask(shot.mask, to.height, to.width);
+  }
+  if (capture.mask.defined()) capture.mask = scaled_mask(capture.mask, to.height, to.width);
+  return concat("frames scaled from ", from.width, "x", from.height, " to ", to.width, "x",
+                to.height, ", as the event sensor sees no finer, ");
 }
 
 std::string parallax_said(const LensOptions& options, const Rectification& to) {
@@ -131,7 +167,8 @@ void settle_sensor(const Calibration& calibration, Capture& capture) {
 
 std::string undistort(const LensOptions& options, const Calibration& calibration,
                       Capture& capture) {
-  const RectifyCameras cameras = cameras_of(calibration, capture);
+  RectifyCameras cameras = cameras_of(calibration, capture);
+  std::string said = scale_finer_frames(cameras, capture);
   const Rectification to =
       rectification(cameras, {options.field, options.plane_depth, options.near, options.far});
   for (Shot& shot : capture.shots) {
@@ -146,8 +183,8 @@ std::string undistort(const LensOptions& options, const Calibration& calibration
   capture.events = moved.events;
   capture.event_map = to.event_map;
   capture.camera = to.camera;
-  std::string said = concat("focal length ", readable(to.camera.fx, 4), " px, ", moved.dropped,
-                            " events beside the image");
+  said += concat("focal length ", readable(to.camera.fx, 4), " px, ", moved.dropped,
+                 " events beside the image");
   if (cameras.events) said += parallax_said(options, to);
   return said;
 }

@@ -30,6 +30,7 @@ events::ImageSize reach_of(const events::EventStream& events);
 void settle_sensor(const Calibration& calibration, Capture& capture);
 
 /// Undistorts frames and events to one centred pinhole; of two cameras, the first took the frames.
+/// Frames finer than the event sensor are scaled to its pixels.
 /// @return a one-line summary
 /// @throws as settle_sensor().
 std::string undistort(const LensOptions& options, const Calibration& calibration, Capture& capture);
