@@ -129,6 +129,25 @@ TEST_CASE("damage: events of one polarity are named", "[data]") {
   }
 }
 
+TEST_CASE("damage: a frame of another brightness is named, until its gain is given", "[data]") {
+  Scene scene;
+  CHECK_FALSE(mentions(scene.warnings(), "brightness"));
+  const std::string name = load_dataset(scene.options).train[1].name;
+  const fs::path frame = scene.root / "images_1" / (name + ".png");
+  imaging::write_image(frame, 0.4 * imaging::read_image(frame));
+  CHECK(mentions(scene.warnings(), name + " is 0.4 times as bright"));
+  write_file(scene.root / "gains.csv", "name,gain\n" + name + ",0.4\n");
+  CHECK_FALSE(mentions(scene.warnings(), "brightness"));
+}
+
+TEST_CASE("damage: a mask that excludes nearly all is named", "[data]") {
+  Scene scene;
+  torch::Tensor mask = torch::zeros({1, test::kHeight, test::kWidth});
+  mask[0][5][7] = 1;
+  imaging::write_image(scene.root / "mask.png", mask);
+  CHECK(mentions(scene.warnings(), "expected masks that leave most pixels"));
+}
+
 TEST_CASE("damage: a hot pixel is named, until a mask excludes it", "[data]") {
   Scene scene;
   CHECK_FALSE(mentions(scene.warnings(), "hot pixel"));

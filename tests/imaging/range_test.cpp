@@ -92,6 +92,8 @@ TEST_CASE("image: black, white and repeated frames are counted with the first's 
   CHECK_THAT(
       first_fault({a, white, b, black, c}, names),
       test::naming("1 of 5 all black (the first is 03)", "1 of 5 all white (the first is 01)"));
+  CHECK_THAT(first_fault({white, white, white, white, white}, names),
+             test::naming("5 of 5 all white"));
   CHECK_THAT(first_fault({a, b, b.clone(), c, c.clone()}, names),
              test::naming("2 of 5 identical to the frame before (the first is 02)"));
   // Frames that differ by one step of one pixel are two frames.

@@ -11,6 +11,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/log.h"
 #include "jade/core/random.h"
 #include "jade/data/cameras.h"
 #include "jade/data/dataset.h"
@@ -19,6 +20,7 @@
 #include "jade/gaussians/ply.h"
 #include "jade/geometry/alignment.h"
 #include "jade/geometry/se3.h"
+#include "jade/imaging/image_io.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/trainer.h"
@@ -348,6 +350,24 @@ TEST_CASE(
   std::filesystem::remove(file);
   write_file(scene.run / "point_cloud.ply", "");
   CHECK_THROWS_NAMING(DataError, run::load_run_dataset(scene.run, scene.options), "--resume");
+}
+
+TEST_CASE("learned cameras: test views that changed after the fit are named", "[run]") {
+  const LearnedRun scene;
+  run::Trainer(scene.options, scene.run, "").run();
+  const auto said = [&] {
+    set_log_file(scene.dir / "load.log");
+    run::load_run_dataset(scene.run, scene.options);
+    set_log_file({});
+    const std::string text = read_file(scene.dir / "load.log");
+    std::filesystem::remove(scene.dir / "load.log");
+    return text;
+  };
+  CHECK_THAT(said(), !Catch::Contains("test views"));
+  const std::string name = data::load_dataset(scene.options.dataset).test[0].name;
+  const auto image = scene.data / "images_1" / (name + ".png");
+  imaging::write_image(image, imaging::read_image(image).flip({2}));
+  CHECK_THAT(said(), test::naming("other images or poses", name));
 }
 
 TEST_CASE("learned cameras: a held-out exposure is scored and its path fitted as one body",

@@ -338,8 +338,11 @@ TEST_CASE("trainer: a run that goes on from an older checkpoint leaves the later
   CHECK(std::filesystem::exists(run / "checkpoints/left_step_0000012.pt"));
   CHECK(run::newest_scene(run).gaussians.size() > 0);  // of the checkpoint, as the old end is gone
   CHECK_FALSE(std::filesystem::exists(run / "point_cloud.ply"));
+  CHECK(read_file(run / "left_point_cloud.ply") == end);
   run::Trainer(options, run, "latest").run();
   CHECK(read_file(run / "point_cloud.ply") == end);
+  CHECK_FALSE(std::filesystem::exists(run / "left_point_cloud.ply"));
+  CHECK_FALSE(std::filesystem::exists(run / "left_report.html"));
 }
 
 TEST_CASE("trainer: a run writes whether it learns gains, and keeps it when the data set changes",

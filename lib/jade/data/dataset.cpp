@@ -227,6 +227,42 @@ std::string other_finding(const fs::path& folder) {
   return "";
 }
 
+namespace {
+
+/// Warns of frames that are much darker or brighter than both that are beside them in time, unless
+/// the data set says the gain of each frame.
+void tell_odd_brightness(const Warnings& warnings, const Dataset& data) {
+  constexpr double kDarkest = 0.6;  // relative to both others
+  std::vector<const Exposure*> frames;
+  for (const Exposure& exposure : data.train) {
+    if (exposure.gain != 1) return;
+    frames.push_back(&exposure);
+  }
+  if (frames.size() < 3) return;
+  std::stable_sort(frames.begin(), frames.end(), [](const Exposure* a, const Exposure* b) {
+    return a->t_start_us < b->t_start_us;
+  });
+  std::vector<double> means;
+  for (const Exposure* const frame : frames) means.push_back(frame->blurry.mean().item<double>());
+  std::vector<std::string> odd;
+  for (size_t i = 0; i < means.size(); ++i) {
+    const size_t a = i > 0 ? i - 1 : 2, b = i + 1 < means.size() ? i + 1 : i - 2;
+    const double over_a = means[i] / means[a], over_b = means[i] / means[b];
+    const bool dark = std::max(over_a, over_b) < kDarkest;
+    const bool bright = std::min(over_a, over_b) > 1 / kDarkest;
+    if (dark || bright) {
+      odd.push_back(concat(frames[i]->name, " is ", 0.01 * std::round(100 * over_a),
+                           " times as bright as ", frames[a]->name));
+    }
+  }
+  if (odd.empty()) return;
+  warnings.add(data.root.string(), ": expected frames of one brightness, found ", odd.size(),
+               " of ", frames.size(), " unlike those beside them (", listing(odd),
+               "); give the frames' gains in gains.csv, or learn them: --set gains.optimize=on");
+}
+
+}  // namespace
+
 DatasetKind recognise_dataset(const fs::path& folder) {
   check_folder(folder);
   if (const auto kind = found_kind(folder)) return *kind;
@@ -258,6 +294,7 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
   tell_off_centre(options.path, data, sink);
   check_points(sink, data);
   apply_masks(data);
+  tell_odd_brightness(sink, data);
   tell_hot_pixel(data, sink);
   settle_color(options.color, sink, data);
   for (SharpView& view : data.test) view.seen = is_seen(data, view);

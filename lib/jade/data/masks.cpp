@@ -270,6 +270,12 @@ std::vector<torch::Tensor> read_masks(const std::vector<fs::path>& paths,
     ++frames;
     excluded += share_excluded(masks[i]) / double(masks.size());
   }
+  constexpr double kNearlyAll = 0.95;
+  if (excluded > kNearlyAll) {
+    warnings.add(paths.front().parent_path().string(), ": expected masks that leave most pixels, ",
+                 "found ", percent(excluded),
+                 " of the pixels excluded; pixels that count are white");
+  }
   if (frames > 0) {
     log_info(concat("masks: ", frames, " of ", paths.size(), " frames, ", percent(excluded),
                     " of the pixels excluded (from ", listing({said.begin(), said.end()}), ")"));

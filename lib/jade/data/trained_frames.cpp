@@ -60,6 +60,20 @@ std::vector<TrainedFrame> trained_frames(const Dataset& dataset) {
   return frames;
 }
 
+std::vector<TrainedFrame> test_views(const Dataset& dataset) {
+  std::vector<TrainedFrame> views;
+  for (const SharpView& view : dataset.test) {
+    Sha256 digest;
+    const torch::Tensor pixels = view.image.contiguous();
+    digest.update(pixels.const_data_ptr(), pixels.nbytes());
+    const geometry::Pose& pose = view.pose;
+    digest.update(pose.rotation.data(), sizeof(pose.rotation));
+    digest.update(pose.translation.data(), sizeof(pose.translation));
+    views.push_back({view.name, digest.hex()});
+  }
+  return views;
+}
+
 std::string mark_seen(const std::vector<TrainedFrame>& trained, Dataset& dataset) {
   const Lookup lookup(trained);
   const auto is_trained = [&](const Exposure& exposure) {

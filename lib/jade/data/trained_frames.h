@@ -17,6 +17,9 @@ struct TrainedFrame {
 /// The training exposures of the data set.
 std::vector<TrainedFrame> trained_frames(const Dataset& dataset);
 
+/// The test views of the data set; the hash also covers the pose.
+std::vector<TrainedFrame> test_views(const Dataset& dataset);
+
 /// Sets SharpView::seen for a scene that was trained on these frames instead of dataset.train; not
 /// if the data set has none of them.
 /// @return a warning if test views or held-out exposures are among them, or training exposures are

@@ -237,6 +237,10 @@ splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources
   if (options.kind == InitKind::kSfm || (prefers_sfm && found >= kFewestSfmPoints)) {
     return start_at(sfm_points(sources));
   }
+  if (prefers_sfm && found > 0) {
+    log_warn(concat("start points: expected at least ", kFewestSfmPoints, ", found ", found,
+                    "; the start is sought without them, unless init.kind is sfm"));
+  }
   if (!(sources.near > 0 && sources.far > sources.near)) {
     throw ConfigError(concat("init.kind ", word_of(options.kind),
                              " needs depth bounds 0 < near < far, found ", sources.near, " and ",

@@ -93,7 +93,7 @@ std::string counted(const std::vector<size_t>& found, const char* what,
                 names.at(found.front()), ")");
 }
 
-/// Some images without a picture among others. Empty if none, or all.
+/// Images without a picture. Empty if none; if all are black, range_fault() says so.
 std::string blank_fault(const std::vector<Range>& ranges, const std::vector<std::string>& names) {
   constexpr double kBlack = 1.5 / 255, kWhite = 253.5 / 255;
   std::vector<size_t> black, white;
@@ -102,7 +102,7 @@ std::string blank_fault(const std::vector<Range>& ranges, const std::vector<std:
     if (ranges[i].low > kWhite) white.push_back(i);
   }
   const size_t blank = black.size() + white.size();
-  if (blank == 0 || blank == ranges.size()) return "";
+  if (blank == 0 || black.size() == ranges.size()) return "";
   const std::string all_black = counted(black, "all black", names);
   const std::string all_white = counted(white, "all white", names);
   return concat("expected frames with a picture, found ", all_black,

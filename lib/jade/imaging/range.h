@@ -8,7 +8,7 @@
 namespace jade::imaging {
 
 /// Faults of images that cannot be right, one line each: a wrong range (all of them black, or all
-/// 16-bit ones use 10 or 12 bits only), some that are all black or all white, and some that are
+/// 16-bit ones use 10 or 12 bits only), images that are all black or all white, and some that are
 /// equal to the one before. Values up to 1/255 count as black, from 254/255 as white.
 /// @param images  [3,H,W] each, from read_image(), in the order of a camera
 /// @param names   of the images, for the messages

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/evaluate.h"
 
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <torch/types.h>
@@ -9,6 +10,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/core/text.h"
 #include "jade/data/origin.h"
 #include "jade/data/trained_frames.h"
 #include "jade/eval/metrics.h"
@@ -146,17 +148,32 @@ data::Dataset with_poses_of(const fs::path& checkpoint, const data::Dataset& dat
   return with_learned_poses(dataset, *poses, none, {}, train::render_options(options));
 }
 
-/// The list in env.json; empty for runs of versions that wrote none.
-std::vector<data::TrainedFrame> trained_on(const fs::path& run) {
+/// A list in env.json; empty if it is missing.
+std::vector<data::TrainedFrame> frames_in(const fs::path& run, const char* key) {
   std::vector<data::TrainedFrame> frames;
   if (!fs::exists(run / kEnvironmentFile)) return frames;
   const auto environment = nlohmann::json::parse(read_file(run / kEnvironmentFile), nullptr,
                                                  /*allow_exceptions=*/false);
-  if (!environment.is_object() || !environment.contains(kTrainedKey)) return frames;
-  for (const auto& frame : environment[kTrainedKey]) {
+  if (!environment.is_object() || !environment.contains(key)) return frames;
+  for (const auto& frame : environment[key]) {
     if (frame.is_object()) frames.push_back({frame.value("name", ""), frame.value("sha256", "")});
   }
   return frames;
+}
+
+/// Warns of test views that are not those to whose images the run fitted its test poses.
+void warn_of_other_views(const fs::path& run, const data::Dataset& dataset) {
+  std::map<std::string, std::string> known;
+  for (const data::TrainedFrame& view : frames_in(run, kTestKey)) known[view.name] = view.sha256;
+  std::vector<std::string> others;
+  for (const data::TrainedFrame& view : data::test_views(dataset)) {
+    const auto found = known.find(view.name);
+    if (found != known.end() && found->second != view.sha256) others.push_back(view.name);
+  }
+  if (others.empty()) return;
+  log_warn(concat(dataset.root.string(), ": expected the test views to which the run fitted their ",
+                  "poses, found other images or poses of ", listing(others),
+                  "; train again to fit these"));
 }
 
 struct PosedData {
@@ -168,13 +185,14 @@ PosedData load_posed(const fs::path& run, const train::RunOptions& options) {
   std::vector<std::string> warnings;
   data::Dataset dataset = data::load_dataset(options.dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
-  if (const auto trained = trained_on(run); !trained.empty()) {
+  if (const auto trained = frames_in(run, kTrainedKey); !trained.empty()) {
     const std::string other = data::mark_seen(trained, dataset);
     if (!other.empty()) log_warn(other);
   }
   // Settings laid over the run's say nothing about how it was trained.
   if (written_options(run).poses.optimize == train::PosePath::kNone) return {dataset, {}};
   if (fs::exists(run / kCamerasFile)) {
+    warn_of_other_views(run, dataset);
     read_learned_cameras(run / kCamerasFile, dataset);
     return {dataset, {}};
   }

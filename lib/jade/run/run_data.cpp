@@ -95,10 +95,14 @@ std::string environment_json(const RunData& data, torch::Device device, int64_t 
                                      {"data_fingerprint", data.fingerprint}};
   if (!data.restorer_sha256.empty()) environment["restorer_sha256"] = data.restorer_sha256;
   if (!geometry::is_zero(data.dataset.origin)) environment["origin"] = data.dataset.origin;
-  environment[kTrainedKey] = nlohmann::ordered_json::array();
-  for (const data::TrainedFrame& frame : data::trained_frames(data.dataset)) {
-    environment[kTrainedKey].push_back({{"name", frame.name}, {"sha256", frame.sha256}});
-  }
+  const auto list = [&](const char* key, const std::vector<data::TrainedFrame>& frames) {
+    environment[key] = nlohmann::ordered_json::array();
+    for (const data::TrainedFrame& frame : frames) {
+      environment[key].push_back({{"name", frame.name}, {"sha256", frame.sha256}});
+    }
+  };
+  list(kTrainedKey, data::trained_frames(data.dataset));
+  list(kTestKey, data::test_views(data.dataset));
   return environment.dump(2) + "\n";
 }
 

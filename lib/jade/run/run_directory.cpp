@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/run_directory.h"
 
+#include <array>
+#include <string>
+
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/run/checkpoint.h"
@@ -8,6 +11,14 @@
 namespace jade::run {
 
 namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::array kResults = {kSceneFile, kCamerasFile, kScoresFile, kReportFile};
+
+std::string left_name(const char* file) { return std::string("left_") + file; }
+
+}  // namespace
 
 RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
   make_writable_folder(path_);
@@ -28,10 +39,18 @@ bool RunDirectory::holds_results() const {
   return fs::exists(path_ / kSceneFile) || fs::exists(path_ / kScoresFile);
 }
 
-void RunDirectory::remove_results() const {
-  for (const char* left : {kSceneFile, kCamerasFile, kScoresFile, kReportFile}) {
-    fs::remove(path_ / left);
+bool RunDirectory::set_aside_results() const {
+  bool any = false;
+  for (const char* file : kResults) {
+    if (!fs::exists(path_ / file)) continue;
+    fs::rename(path_ / file, path_ / left_name(file));
+    any = true;
   }
+  return any;
+}
+
+void RunDirectory::remove_left_results() const {
+  for (const char* file : kResults) fs::remove(path_ / left_name(file));
 }
 
 }  // namespace jade::run

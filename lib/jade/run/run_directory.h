@@ -19,6 +19,8 @@ constexpr char kReportFile[] = "report.html";
 /// run trains on: objects with "name" and "sha256" (data::TrainedFrame).
 constexpr char kEnvironmentFile[] = "env.json";
 constexpr char kTrainedKey[] = "trained_on";
+/// Its list of the test views, which a run with learned poses fits at its end; as kTrainedKey.
+constexpr char kTestKey[] = "test_views";
 
 /// The folder of one run, locked by one process at a time. README.md lists its contents.
 class RunDirectory {
@@ -35,8 +37,11 @@ class RunDirectory {
   /// True if a run has ended here: its scene or its scores exist.
   bool holds_results() const;
 
-  /// Removes the results of an earlier end, which do not match the scene of a resumed run.
-  void remove_results() const;
+  /// Renames the results of an earlier end, which a resumed run replaces: left_point_cloud.ply.
+  /// @return false if there are none
+  bool set_aside_results() const;
+  /// Removes what set_aside_results() renamed.
+  void remove_left_results() const;
 
  private:
   std::filesystem::path path_;

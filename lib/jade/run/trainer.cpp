@@ -240,6 +240,7 @@ void Trainer::finish() {
   pictures_.wait();
   times_.end("report");
   finish_save();
+  directory_.remove_left_results();
   times_.end("checkpoint");
   log_info("time        " + times_.text());
   log_info(concat("report      ", (directory_.path() / kReportFile).string()));
@@ -252,7 +253,11 @@ void Trainer::finish() {
 }
 
 void Trainer::run(Watcher* watcher) {
-  if (!is_over()) directory_.remove_results();
+  if (!is_over() && directory_.set_aside_results()) {
+    log_info(concat("results of step ", state_.step, " are kept as ",
+                    (directory_.path() / "left_point_cloud.ply").string(),
+                    " and so on, until those of this run are written"));
+  }
   if (const int64_t left = set_aside_checkpoints(directory_.path(), state_.step); left > 0) {
     log_warn(concat("checkpoints of later steps, no part of the run any more: ", left, ", kept as ",
                     (directory_.path() / "checkpoints/left_*.pt").string()));
