@@ -69,12 +69,9 @@ inline std::filesystem::path whole_path(const std::filesystem::path& path) {
   return std::filesystem::weakly_canonical(std::filesystem::absolute(path));
 }
 
-/// Prevents a program that writes pictures named after frames from overwriting these frames.
-/// @throws ConfigError if `output` is, or is inside, a folder of pictures of the data set (a name
-///   that data/frames.h searches for, existing or not, or sharp/), or a folder of frames that a
-///   transforms.json names.
-inline void check_apart(const std::filesystem::path& output, const data::DatasetOptions& dataset) {
-  if (output.empty() || dataset.path.empty()) return;
+/// The part of check_apart() for one data set.
+inline void check_apart_from(const data::DatasetOptions& dataset,
+                             const std::filesystem::path& output) {
   const std::filesystem::path whole = whole_path(output);
   const std::filesystem::path inside = whole.lexically_relative(whole_path(dataset.path));
   const std::string first = inside.empty() ? "" : inside.begin()->string();
@@ -89,6 +86,39 @@ inline void check_apart(const std::filesystem::path& output, const data::Dataset
       std::find(named.begin(), named.end(), whole) != named.end()) {
     throw ConfigError(concat("--output: expected a folder of its own, found ", output.string(),
                              ", where the data set keeps pictures of these names; choose another"));
+  }
+}
+
+/// Prevents a program that writes pictures named after frames from overwriting these frames.
+/// @param dataset  that of the settings; other data sets around `output` are checked too
+/// @throws ConfigError if `output` is, or is inside, a folder of pictures of a data set (a name
+///   that data/frames.h searches for, existing or not, or sharp/), or a folder of frames that a
+///   transforms.json names.
+inline void check_apart(const std::filesystem::path& output, const data::DatasetOptions& dataset) {
+  if (output.empty()) return;
+  if (!dataset.path.empty()) check_apart_from(dataset, output);
+  for (const std::filesystem::path& folder : data::datasets_around(output)) {
+    data::DatasetOptions other;
+    other.path = folder;
+    check_apart_from(other, output);
+  }
+}
+
+/// Prevents a program from replacing pictures in folders of a data set that check_apart() does not
+/// know by their names.
+/// @param files  to be written in `output`
+/// @throws ConfigError if one of them exists, and `output` is a data set or a folder in one.
+inline void check_replaces_none(const std::filesystem::path& output,
+                                const std::vector<std::string>& files) {
+  const std::filesystem::path whole = whole_path(output);
+  for (const std::filesystem::path& dataset : data::datasets_around(whole)) {
+    if (dataset != whole && dataset != whole.parent_path()) continue;
+    for (const std::string& file : files) {
+      if (!std::filesystem::exists(whole / file)) continue;
+      throw ConfigError(concat("--output: expected a folder without ", file, ", found it in ",
+                               output.string(), " of the data set ", dataset.string(),
+                               "; choose another"));
+    }
   }
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
@@ -218,12 +219,33 @@ void print(const Timing& timing, const splat::Gaussians& gaussians, bool as_json
               device_name(gaussians.means.device()).c_str());
 }
 
+/// Names of the files that write_images() writes.
+/// @throws ConfigError if two views would write the same file.
+std::vector<std::string> files_of(const std::vector<data::NamedCamera>& views,
+                                  const RenderFlags& flags, const apps::Unblurring* film) {
+  std::vector<std::string> files;
+  if (film) files.push_back(concat(film->name, "_blurry.", flags.format));
+  for (const data::NamedCamera& view : views) {
+    files.push_back(concat(view.name, ".", flags.format));
+    if (!flags.depth) continue;
+    for (const char* ending : {"_depth.npy", "_depth.png"}) files.push_back(view.name + ending);
+  }
+  std::set<std::string> known;
+  for (const std::string& file : files) {
+    if (known.insert(file).second) continue;
+    throw ConfigError(concat("--depth: expected one view for each file, found two for ", file,
+                             "; rename one of the cameras, or leave --depth away"));
+  }
+  return files;
+}
+
 /// @param film  whose blurry frame comes first, or null
 void write_images(const Subject& subject, const std::vector<data::NamedCamera>& views,
                   const fs::path& output, const RenderFlags& flags,
                   const apps::Unblurring* film = nullptr) {
   const std::string& format = flags.format;
   if (output.empty()) throw ConfigError("--output: expected a folder for the images");
+  apps::check_replaces_none(output, files_of(views, flags, film));
   make_writable_folder(output);
   if (film) imaging::write_image(output / (film->name + "_blurry." + format), film->blurry);
   apps::DepthFiles depth(output, flags.depth_step);

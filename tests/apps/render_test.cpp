@@ -194,6 +194,35 @@ TEST_CASE("jade_render --depth: the depth of an opaque Gaussian as .npy and .png
   check_error(run(dir, render + "--format mp4 --output film"), 2, "--depth: expected with images");
 }
 
+TEST_CASE("jade_render: pictures of any data set, and of another view, are not replaced",
+          "[apps]") {
+  const TrainedScene scene;
+  fs::copy(scene.dir / "scene", scene.dir / "other", fs::copy_options::recursive);
+  fs::copy(scene.dir / "other/images_1", scene.dir / "other/frames");
+  const auto camera = [](const std::string& name) {
+    return concat(R"({"name":")", name, R"(","width":24,"height":16,"fx":20,"position":[0,0,-1],
+                  "rotation":[[1,0,0],[0,1,0],[0,0,1]]})");
+  };
+  scene.dir.write("one.json", "[" + camera("00") + "]");
+  scene.dir.write("two.json", "[" + camera("a") + "," + camera("a_depth") + "]");
+  const auto render = [&](const std::string& flags) {
+    return run(scene.dir, "jade_render --quiet --device cpu --ply run/point_cloud.ply " + flags);
+  };
+  const std::string frame = read_file(scene.dir / "other/frames/00.png");
+  for (const char* folder : {"other/images_1", "other/images_1/below", "other/sharp"}) {
+    check_error(render(concat("--cameras one.json --output ", folder)), 2, "--output", folder);
+  }
+  check_error(render("--cameras one.json --output other/frames"), 2, "--output", "00.png",
+              "other/frames", "choose another");
+  CHECK(read_file(scene.dir / "other/images_1/00.png") == frame);
+  CHECK(read_file(scene.dir / "other/frames/00.png") == frame);
+  CHECK(render("--cameras one.json --output other/renders").code == 0);
+  CHECK(render("--cameras two.json --output two").code == 0);
+  CHECK(render("--cameras two.json --output two").code == 0);
+  check_error(render("--cameras two.json --depth --output depth"), 2, "--depth", "a_depth.png");
+  CHECK_FALSE(fs::exists(scene.dir / "depth"));
+}
+
 TEST_CASE("programs: a scene without Gaussians is none to draw or to write", "[apps]") {
   const test::TempDir dir;
   splat::Gaussians none;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a data set is monochrome, and frames that are made gray.
+// Whether a data set is monochrome, frames that are made gray, and data sets around a path.
 #include "jade/data/dataset.h"
 
 #include "support/catch.h"
@@ -45,6 +45,15 @@ bool all_gray(const Dataset& data) {
   for (const Exposure& exposure : data.train) gray = gray && imaging::is_gray(exposure.blurry);
   for (const SharpView& view : data.test) gray = gray && imaging::is_gray(view.image);
   return gray;
+}
+
+TEST_CASE("datasets_around: the data sets that a path is in, whether it exists or not", "[data]") {
+  const Loaded outer(test::tiny_content());
+  const auto scene = std::filesystem::canonical(outer.folder / "scene");
+  write_evdeblur(scene / "inner", test::tiny_content());
+  CHECK(datasets_around(scene) == std::vector{scene});
+  CHECK(datasets_around(scene / "inner/none/such") == std::vector{scene / "inner", scene});
+  CHECK(datasets_around(scene / "..").empty());
 }
 
 TEST_CASE("colour: R = G = B in every frame is monochrome, and auto leaves the frames alone",

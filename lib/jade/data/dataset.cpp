@@ -263,6 +263,14 @@ void tell_odd_brightness(const Warnings& warnings, const Dataset& data) {
 
 }  // namespace
 
+std::vector<fs::path> datasets_around(const fs::path& path) {
+  std::vector<fs::path> found;
+  for (fs::path at = fs::weakly_canonical(fs::absolute(path));; at = at.parent_path()) {
+    if (found_kind(at)) found.push_back(at);
+    if (at == at.parent_path()) return found;
+  }
+}
+
 DatasetKind recognise_dataset(const fs::path& folder) {
   check_folder(folder);
   if (const auto kind = found_kind(folder)) return *kind;

@@ -87,6 +87,11 @@ Dataset load_dataset(const DatasetOptions& options, std::vector<std::string>* wa
 /// @throws DataError if the folder is missing or has no known layout.
 DatasetKind recognise_dataset(const std::filesystem::path& folder);
 
+/// The data sets that the path is in, or is, innermost first: folders of a known layout. The path
+/// need not exist.
+/// @throws DataError naming the file of a data set that cannot be read.
+std::vector<std::filesystem::path> datasets_around(const std::filesystem::path& path);
+
 /// For messages about a folder of no known layout: a data set below it, or a file with cameras that
 /// is not read, and what to do; empty if there are neither.
 std::string other_finding(const std::filesystem::path& folder);
