@@ -103,6 +103,24 @@ TEST_CASE("make_plan: names on the command line that the sweep lacks are refused
   CHECK(plan.runs[0].id() == "half/b/5");
 }
 
+TEST_CASE("make_plan: a seed among the settings would be ignored and is refused", "[sweep]") {
+  const TempDir dir;
+  sweep::PlanOptions options;
+  options.overrides = {"seed=5"};
+  const std::string all = problems_of([&] {
+    plan_of(dir,
+            "columns: [psnr]\nset: [seed=6]\nscenes: [{name: a, config: a.yaml, set: [seed=7]}]\n"
+            "rows: [{name: x, set: [seed=8]}]\n",
+            options);
+  });
+  INFO(all);
+  CHECK(std::count(all.begin(), all.end(), '\n') == 3);
+  for (const char* found : {"--set: expected no seed", "found seed=5; use seeds: or --seeds",
+                            "found seed=6", "scene a: set: ", "row x: set: "}) {
+    CHECK_THAT(all, Catch::Contains(found));
+  }
+}
+
 TEST_CASE("make_plan: missing data is refused with the way to get it, or left out on request",
           "[sweep]") {
   const TempDir dir;

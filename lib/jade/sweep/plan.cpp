@@ -61,6 +61,16 @@ std::vector<config::Sources> layers_of(const Spec& spec, const PlanOptions& opti
   return layers;
 }
 
+/// Refuses a seed among settings, which the seed of each run would override.
+void check_seed(const std::vector<std::string>& set, const std::string& where,
+                config::Problems& problems) {
+  for (const std::string& assignment : set) {
+    if (assignment.substr(0, assignment.find('=')) != "seed") continue;
+    problems.add(concat(where, ": expected no seed, because each run has its own, found ",
+                        assignment, "; use seeds: or --seeds"));
+  }
+}
+
 /// Attributes errors in the row's own settings to the row; all others are reported once for all
 /// rows.
 std::string of_row(const Row& row, const std::string& problem) {
@@ -136,6 +146,12 @@ Plan make_plan(Spec spec, const PlanOptions& options, const Resolver& resolve) {
     spec.seeds = options.seeds;
     for (Row& row : spec.rows) row.seeds.clear();
   }
+  check_seed(options.overrides, "--set", problems);
+  check_seed(spec.set, "set", problems);
+  for (const Scene& scene : spec.scenes) {
+    check_seed(scene.set, concat("scene ", scene.name, ": set"), problems);
+  }
+  for (const Row& row : spec.rows) check_seed(row.set, concat("row ", row.name, ": set"), problems);
   plan.spec = std::move(spec);
   std::vector<int64_t> seeds = plan.spec.seeds;
   for (const Row& row : plan.spec.rows)
