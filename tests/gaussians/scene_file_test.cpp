@@ -243,5 +243,37 @@ TEST_CASE("scene file: means far from the origin get one of their own", "[gaussi
   CHECK((places - g.means.to(torch::kFloat64)).abs().max().item<double>() < 1e-3);
 }
 
+TEST_CASE("scene file: colours that a format clips or leaves out are reported", "[gaussians]") {
+  const test::TempDir folder;
+  const auto said = [&](const std::string& name, int64_t coefficients, double base, double rest,
+                        double logit = 2) {
+    splat::Gaussians g = test::random_gaussians(20, coefficients);
+    g.sh = torch::zeros_like(g.sh);
+    g.sh[3][0][1] = base;
+    if (coefficients > 1) g.sh[4][coefficients - 1][2] = rest;
+    g.logit_opacities[3] = g.logit_opacities[4] = logit;
+    fs::remove(folder / "said.log");
+    set_log_file(folder / "said.log");
+    write_scene_file(folder / name, {g, false});
+    set_log_file({});
+    return read_file(folder / "said.log");
+  };
+  const auto clipped = [](const char* count) {
+    return test::naming("warning", "can hold", concat("found ", count, " of 20 Gaussians"));
+  };
+  CHECK_THAT(said("a.splat", 4, 0, 0.1), test::naming("a.splat", "SH above degree 0", "left out"));
+  CHECK(said("a.splat", 4, 0, 0).empty());
+  CHECK(said("a.splat", 1, 1.77, 0).empty());
+  CHECK(said("a.splat", 1, -3, 0).empty());  // shown as black in any format
+  CHECK_THAT(said("a.splat", 1, 1.8, 0), clipped("1"));
+  CHECK(said("a.splat", 1, 1.8, 0, -6).empty());  // invisible
+  CHECK(said("a.spz", 16, 3.34, 1.05).empty());
+  CHECK_THAT(said("a.spz", 16, 3.4, 0), clipped("1"));
+  CHECK_THAT(said("a.spz", 16, -3.4, -1.2), clipped("2"));
+  CHECK(said("a.compressed.ply", 16, 9, -4).empty());
+  CHECK_THAT(said("a.compressed.ply", 16, 9, 4.2), clipped("1"));
+  for (const char* name : {"a.ply", "a.sog", "a.glb"}) CHECK(said(name, 16, 9, 9).empty());
+}
+
 }  // namespace
 }  // namespace jade::gaussians

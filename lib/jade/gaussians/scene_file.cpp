@@ -2,12 +2,14 @@
 #include "jade/gaussians/scene_file.h"
 
 #include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/log.h"
+#include "jade/core/readable.h"
 #include "jade/gaussians/file_values.h"
 #include "jade/gaussians/gltf_file.h"
 #include "jade/gaussians/ply_kind.h"
@@ -19,6 +21,7 @@
 #include "jade/geometry/origin.h"
 #include "jade/io/stand_in.h"
 #include "jade/io/zip.h"
+#include "jade/splat/math/sh.h"
 
 namespace jade::gaussians {
 namespace {
@@ -116,6 +119,35 @@ void move_far(GaussianFile& file) {
   file.origin = found;
 }
 
+/// Warns of colours that a format cannot store. Only visible Gaussians that lose more than the
+/// format's rounding count.
+void tell_lost_colors(const fs::path& path, SceneKind kind, const splat::Gaussians& g) {
+  const std::string format = kind == SceneKind::kPly ? kPackedPly : path.extension().string();
+  const torch::Tensor visible = g.logit_opacities.sigmoid() >= 1.0 / 255;
+  const torch::Tensor rest = g.sh.slice(1, 1);
+  const auto count_visible_of = [&](const torch::Tensor& mask) {
+    return mask.flatten(1).any(1).logical_and(visible).sum().item<int64_t>();
+  };
+  if (kind == SceneKind::kSplat && count_visible_of(rest.ne(0)) > 0) {
+    log_warn(concat(path.string(), ": view dependence (SH above degree 0) is left out, because ",
+                    format, " cannot hold it; write .ply, .spz or .sog"));
+  }
+  // Limits of the coefficients of degree 0 and of those above, with half a step of rounding.
+  // Renderers show negative colours as black, so that .splat loses only bright ones.
+  constexpr double kNone = std::numeric_limits<double>::infinity(), kHalf = 0.5 + 0.5 / 255;
+  double low = -kNone, high = kNone, most = kNone;
+  if (kind == SceneKind::kSplat) high = kHalf / splat::math::kSh0;
+  if (kind == SceneKind::kSpz) high = kHalf / 0.15, low = -high, most = 1 + 1.0 / 16;
+  if (kind == SceneKind::kPly) most = 4 + 1.0 / 32;
+  const torch::Tensor base = g.sh.select(1, 0);
+  const int64_t count = count_visible_of(
+      torch::cat({(base < low).logical_or(base > high).unsqueeze(1), rest.abs() > most}, 1));
+  if (count == 0) return;
+  log_warn(concat(path.string(), ": expected colours that ", format, " can hold, found ",
+                  grouped(count), " of ", grouped(g.size()),
+                  " Gaussians with larger values, which are clipped; write .ply or .sog"));
+}
+
 }  // namespace
 
 std::optional<SceneKind> scene_kind(const fs::path& path) {
@@ -174,6 +206,7 @@ void write_scene_file(const fs::path& path, const GaussianFile& file, const Scen
                     "(Mip-Splatting), without which its thin Gaussians look too opaque; write ",
                     ".ply, .spz or .sog"));
   }
+  tell_lost_colors(path, kind, drawable(file.gaussians));
   switch (kind) {
     case SceneKind::kPly:
       return write_file(path, encode_packed_ply(drawable(file.gaussians), file.antialiased));

@@ -63,7 +63,7 @@ bool can_write(const std::filesystem::path& path);
 bool is_exact(const std::filesystem::path& path);
 
 /// Writes the format of the path's extension. All formats but .ply omit Gaussians that cannot be
-/// rendered.
+/// rendered. Warns of colours that the format clips or leaves out.
 /// @throws DataError naming the path.
 /// @pre can_write(path)
 void write_scene_file(const std::filesystem::path& path, const GaussianFile& file,
