@@ -14,12 +14,14 @@ namespace jade::test {
 
 struct TrainPart {
   int64_t iterations = 10;
+  int64_t evaluate_every = 5;
   double rate = 0.5;
   std::string mode = "work";
 };
 template <class V>
 void describe(V& v, TrainPart& o) {
   v.field("iterations", o.iterations, "steps", Range{1, 1e6});
+  v.field("evaluate_every", o.evaluate_every, "steps", Range{0, 1e6});
   v.field("rate", o.rate, "a number", Range{0, 1});
   v.field("mode", o.mode, "what the program does");
 }

@@ -121,6 +121,37 @@ TEST_CASE("make_plan: a seed among the settings would be ignored and is refused"
   }
 }
 
+TEST_CASE("make_plan: a column of a step at which no run evaluates is refused", "[sweep]") {
+  const TempDir dir;  // scene a has 10 steps, b 20; both evaluate every 5
+  const auto problems = [&](const std::string& columns, const std::string& rows,
+                            const sweep::PlanOptions& options = {}) {
+    return problems_of([&] {
+      plan_of(dir, concat(kScenes, "columns: [", columns, "]\nrows: [", rows, "]\n"), options);
+    });
+  };
+  CHECK(problems("psnr, psnr@5, ssim@15, psnr@10, psnr@20, minutes@20", "{name: x}").empty());
+  CHECK(problems("psnr@3", "{name: x}, {name: y, set: [train.evaluate_every=3]}").empty());
+  CHECK(problems("psnr@13", "{name: x}, {name: y, set: [train.iterations=13]}").empty());
+  const std::string all = problems("psnr@3, ssim@25, psnr@005, gaussians@5", "{name: x}");
+  INFO(all);
+  CHECK(std::count(all.begin(), all.end(), '\n') == 3);
+  CHECK_THAT(all, Catch::Contains("columns: psnr@3: no evaluation at step 3, found runs of 10 "
+                                  "steps with train.evaluate_every 5"));
+  CHECK_THAT(all, test::naming("ssim@25", "psnr@005", "set train.evaluate_every"));
+  CHECK_THAT(all, Catch::Contains("gaussians@5: expected the last step"));
+  sweep::PlanOptions options;
+  options.overrides = {"train.evaluate_every=0"};
+  CHECK_THAT(problems("psnr@5, psnr@20", "{name: x}", options),
+             test::naming("psnr@5") && !test::naming("psnr@20"));
+  // Other rows may fill the column, and a row that cannot be read might.
+  options.overrides.clear();
+  options.rows = {"x"};
+  const std::string two = "{name: x}, {name: y, set: [train.evaluate_every=3]}";
+  CHECK(problems("psnr@3", two, options).empty());
+  CHECK_THAT(problems("psnr@3", "{name: x}, {name: y, set: [train.rate=2]}"),
+             test::naming("row y") && !test::naming("psnr@3"));
+}
+
 TEST_CASE("make_plan: missing data is refused with the way to get it, or left out on request",
           "[sweep]") {
   const TempDir dir;

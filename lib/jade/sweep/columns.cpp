@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <cstdlib>
+
 #include "jade/config/config.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/sweep/spec.h"
 
 namespace jade::sweep {
@@ -54,7 +57,36 @@ const std::vector<Column>& known_columns() {
   return list;
 }
 
+/// Whether evaluations on the way measure it; the rest is known only at the end.
+bool is_evaluated(const std::string& key) {
+  for (const char* start : {"psnr", "ssim", "lpips"}) {
+    if (key.rfind(start, 0) == 0) return true;
+  }
+  return false;
+}
+
 }  // namespace
+
+std::string empty_column(const Column& column, const std::set<Schedule>& schedules) {
+  const size_t at = column.key.find('@');
+  if (at == std::string::npos) return "";
+  const std::string base = column.key.substr(0, at), step_text = column.key.substr(at + 1);
+  const int64_t step = std::atoll(step_text.c_str());
+  const bool is_plain = step_text == std::to_string(step);  // 003 names no step
+  std::vector<std::string> found;
+  for (const auto& [iterations, every] : schedules) {
+    const bool on_the_way = every > 0 && step > 0 && step < iterations && step % every == 0;
+    const bool has_value = step == iterations || (is_evaluated(base) && on_the_way);
+    if (is_plain && has_value) return "";
+    found.push_back(concat(iterations, " steps with train.evaluate_every ", every));
+  }
+  const std::string runs = listing(found, 3);
+  if (!is_evaluated(base)) {
+    return concat(column.key, ": expected the last step, found runs of ", runs, "; write ", base);
+  }
+  return concat(column.key, ": no evaluation at step ", step_text, ", found runs of ", runs,
+                "; set train.evaluate_every, or remove the column");
+}
 
 Column column_of(const std::string& key) {
   const size_t at = key.find('@');

@@ -80,15 +80,24 @@ std::string of_row(const Row& row, const std::string& problem) {
   return problem;
 }
 
+/// Schedules of the runs that were added, and whether all settings were read.
+struct Added {
+  std::set<Schedule> schedules;
+  bool all_read = true;
+};
+
 void add_run(const Row& row, const Scene& scene, int64_t seed, const PlanOptions& options,
-             const Resolver& resolve, Plan& plan, config::Problems& problems) {
+             const Resolver& resolve, Plan& plan, Added& added, config::Problems& problems) {
   Run run{row.name, scene.name, seed, {}};
   try {
     run.settings = resolve(layers_of(plan.spec, options, row, scene, seed));
   } catch (const ConfigError& error) {
     problems.add(of_row(row, error.what()));
+    added.all_read = false;
     return;
   }
+  added.schedules.insert(
+      {std::stoll(run.value("train.iterations")), std::stoll(run.value("train.evaluate_every"))});
   if (!run.settings.conflict.empty()) {
     problems.add(concat("row ", row.name, ": ", run.settings.conflict));
     return;
@@ -156,6 +165,7 @@ Plan make_plan(Spec spec, const PlanOptions& options, const Resolver& resolve) {
   std::vector<int64_t> seeds = plan.spec.seeds;
   for (const Row& row : plan.spec.rows)
     seeds.insert(seeds.end(), row.seeds.begin(), row.seeds.end());
+  Added added;
   std::set<int64_t> done;
   for (const int64_t seed : seeds) {
     if (!done.insert(seed).second) continue;
@@ -163,9 +173,17 @@ Plan make_plan(Spec spec, const PlanOptions& options, const Resolver& resolve) {
       for (const Row& row : plan.spec.rows) {
         const auto& own = row.seeds.empty() ? plan.spec.seeds : row.seeds;
         if (row.run && std::find(own.begin(), own.end(), seed) != own.end()) {
-          add_run(row, scene, seed, options, resolve, plan, problems);
+          add_run(row, scene, seed, options, resolve, plan, added, problems);
         }
       }
+    }
+  }
+  // Rows and scenes that are left out may fill the columns.
+  if (added.all_read && !added.schedules.empty() && options.rows.empty() &&
+      options.scenes.empty()) {
+    for (const Column& column : plan.spec.columns) {
+      const std::string problem = empty_column(column, added.schedules);
+      if (!problem.empty()) problems.add("columns: " + problem);
     }
   }
   problems.throw_if_any();

@@ -184,12 +184,12 @@ Measured measure(const SweepOutput& output, const Run& run, const std::vector<Co
   read_metrics(folder / "metrics.jsonl", all);
   read_scores(folder / "eval.json", all);
   take_numbers(object_of(folder / "allocation.json").value("mean", Json::object()), all);
-  repeat_at_end(run, all);
   const double seconds = output.outcome(run.id()).seconds;
   if (seconds > 0) {
     all["minutes"] = seconds / 60;
     all["hours"] = seconds / 3600;
   }
+  repeat_at_end(run, all);
   Measured asked;
   for (const Column& column : columns) {
     const auto found = all.find(column.key);

@@ -5,7 +5,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 namespace jade::sweep {
@@ -61,6 +63,19 @@ struct Spec {
 /// for whole lists too. Relative paths are resolved against the folder of their file.
 /// @throws ConfigError with all problems, one per line, unknown words with the nearest known one.
 Spec read_spec(const std::filesystem::path& file);
+
+/// When runs evaluate: every so many steps, and at the end.
+struct Schedule {
+  int64_t iterations = 0;
+  int64_t evaluate_every = 0;  ///< 0: only at the end
+  bool operator<(const Schedule& other) const {
+    return std::tie(iterations, evaluate_every) < std::tie(other.iterations, other.evaluate_every);
+  }
+};
+
+/// Why no run fills a column KEY@STEP, and what to do; empty if one does, or if the column has no
+/// step.
+std::string empty_column(const Column& column, const std::set<Schedule>& schedules);
 
 /// The column of that key. @throws ConfigError naming the nearest.
 Column column_of(const std::string& key);
