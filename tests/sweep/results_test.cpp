@@ -9,6 +9,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/sweep/cell_text.h"
+#include "support/naming.h"
 
 using namespace jade;
 using namespace jade::test;
@@ -97,6 +98,16 @@ TEST_CASE("gather: averages take whole seeds only, and every gap is reported", "
         "lpips_vgg: not measured by all finished runs", "though in its folder: gone/a/0\n"}) {
     CHECK_THAT(remarks, Catch::Contains(remark));
   }
+}
+
+TEST_CASE("gather: a damaged file of a run is named with what to do", "[sweep]") {
+  const TempDir dir;
+  table_of(dir);
+  dir.write("out/runs/full/a/0/eval.json", "{\"mean\": {\"ps");
+  CHECK_THROWS_NAMING(DataError,
+                      sweep::gather(plan_of(dir, kSweep), sweep::SweepOutput(dir / "out")),
+                      "full/a/0/eval.json: expected a JSON object", "found a damaged file",
+                      "remove " + (dir / "out/runs/full/a/0").string() + " and");
 }
 
 TEST_CASE("standing_of: runs are counted, and the first failed one gives the exit code",

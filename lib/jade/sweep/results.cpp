@@ -24,7 +24,9 @@ Json object_of(const fs::path& path) {
   if (!fs::exists(path)) return Json::object();
   Json json = Json::parse(read_file(path), nullptr, /*allow_exceptions=*/false);
   if (!json.is_object())
-    throw DataError(concat(path.string(), ": damaged; expected a JSON object"));
+    throw DataError(concat(path.string(), ": expected a JSON object, found a damaged file; remove ",
+                           path.parent_path().string(), " and call jade_sweep again, which trains ",
+                           "this run again, or remove the file to do without its numbers"));
   return json;
 }
 
