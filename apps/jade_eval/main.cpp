@@ -36,7 +36,9 @@ int main(int argc, char** argv) {
   program.cli()
       .add_option("--run", run, "Run directory of jade_train, scored on its sharp test views")
       ->type_name("DIR");
-  program.cli().add_option("--renders", renders, "Folder of images to score")->type_name("DIR");
+  program.cli()
+      .add_option("--renders", renders, "Folder of images or .npy to score")
+      ->type_name("DIR");
   program.cli()
       .add_option("--truth", truth, "Folder of true images with the same names")
       ->type_name("DIR");

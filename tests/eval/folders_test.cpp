@@ -62,6 +62,49 @@ TEST_CASE("compare_folders: two images of one name are refused, unused renders a
   }
 }
 
+TEST_CASE("compare_folders: 12 of 16 bits and gray renders of colours are reported", "[eval]") {
+  const test::TempDir dir;
+  const Lpips lpips(torch::kCPU);
+  const torch::Tensor image = torch::rand({3, 16, 20});
+  imaging::write_image(dir / "truth/a.png", image);
+  imaging::write_image(dir / "truth/b.png", image.flip(2));
+  const auto said = [&](double factor, bool gray, int bits) {
+    for (const char* name : {"renders/a.png", "renders/b.png"}) {
+      const torch::Tensor picture = gray ? image.slice(0, 0, 1) : image;
+      imaging::write_image(dir / name, picture * factor, {bits});
+    }
+    std::filesystem::remove(dir / "said.log");
+    set_log_file(dir / "said.log");
+    compare_folders(dir / "renders", dir / "truth", lpips);
+    set_log_file({});
+    return read_file(dir / "said.log");
+  };
+  CHECK(said(1, false, 16).empty());
+  CHECK_THAT(said(1.0 / 16, false, 16), test::naming("warning", "renders", "multiply", "by 16"));
+  CHECK_THAT(said(1, true, 8), test::naming("warning", "renders", "2 of 2 gray (a, b)"));
+  imaging::write_image(dir / "truth/a.png", image.slice(0, 0, 1));
+  CHECK_THAT(said(1, true, 8), test::naming("1 of 2 gray (b)"));
+}
+
+TEST_CASE("compare_folders: renders may be arrays, unless there is an image of the name",
+          "[eval]") {
+  const test::TempDir dir;
+  const Lpips lpips(torch::kCPU);
+  const torch::Tensor image = (255 * torch::rand({3, 16, 20})).round() / 255;
+  imaging::write_image(dir / "truth/a.png", image);
+  const auto psnr = [&] {
+    return compare_folders(dir / "renders", dir / "truth", lpips).mean.psnr;
+  };
+  imaging::write_image(dir / "renders/a.npy", image);
+  CHECK(psnr() == 100);
+  imaging::write_image(dir / "renders/a.npy", 255 * image);
+  CHECK_THROWS_NAMING(DataError, psnr(), "a.npy", "from 0 to 1", "divide");
+  imaging::write_image(dir / "renders/a.npy", image / torch::zeros({1}));
+  CHECK_THROWS_NAMING(DataError, psnr(), "a.npy", "NaN or infinity");
+  imaging::write_image(dir / "renders/a.png", 0.5 * image);
+  CHECK(psnr() < 30);
+}
+
 /// An RGBA picture whose left half is transparent.
 void write_half(const std::filesystem::path& path, uint8_t value, uint8_t hidden) {
   cv::Mat image(8, 8, CV_8UC4, cv::Scalar(value, value, value, 255));

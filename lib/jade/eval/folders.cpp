@@ -5,11 +5,14 @@
 #include <map>
 #include <string>
 #include <torch/types.h>
+#include <vector>
 
 #include "jade/core/error.h"
 #include "jade/core/log.h"
 #include "jade/core/text.h"
+#include "jade/imaging/color.h"
 #include "jade/imaging/image_io.h"
+#include "jade/imaging/range.h"
 
 namespace jade::eval {
 
@@ -59,6 +62,43 @@ std::map<std::string, fs::path> images_by_name(const fs::path& folder) {
   return by_name;
 }
 
+/// The render of that name; an array (.npy) only where there is no image.
+/// @throws DataError if there is neither.
+fs::path render_of(const std::string& name, const std::map<std::string, fs::path>& by_name,
+                   const fs::path& renders, const fs::path& truth) {
+  const auto found = by_name.find(name);
+  if (found != by_name.end()) return found->second;
+  if (const fs::path array = renders / (name + ".npy"); fs::is_regular_file(array)) return array;
+  throw DataError(concat(renders.string(), ": expected an image or .npy named ", name, " as in ",
+                         truth.string(), ", found none"));
+}
+
+/// Some pixels of each image of a folder, its brightest among them: enough to check the range
+/// without keeping all images in memory.
+struct Sampled {
+  std::vector<torch::Tensor> pixels;
+  std::vector<std::string> names;
+
+  void add(const std::string& name, const torch::Tensor& image) {
+    constexpr int64_t kStep = 101;
+    names.push_back(name);
+    pixels.push_back(
+        torch::cat({image.flatten().slice(0, 0, c10::nullopt, kStep), image.max().reshape({1})}));
+  }
+  void warn_of_range(const fs::path& folder) const {
+    const std::string fault = imaging::range_fault(pixels, names);
+    if (!fault.empty()) log_warn(concat(folder.string(), ": ", fault));
+  }
+};
+
+/// Warns of gray renders of truths in colour.
+void warn_of_gray(const fs::path& renders, const std::vector<std::string>& gray, size_t all) {
+  if (gray.empty()) return;
+  log_warn(concat(renders.string(), ": expected renders in colour like their truths, found ",
+                  gray.size(), " of ", all, " gray (", listing(gray, 3),
+                  "); render them in colour, or make the truths gray too"));
+}
+
 /// Warns of renders that no truth used.
 /// @param unused  by name
 void warn_of_unused(const fs::path& renders, const std::map<std::string, fs::path>& unused,
@@ -79,6 +119,8 @@ Evaluation compare_folders(const fs::path& renders, const fs::path& truth, const
   std::map<std::string, fs::path> unused = by_name;
   const torch::Tensor of_all = mask.empty() ? torch::Tensor() : imaging::read_mask(mask);
   std::vector<Scores> scores;
+  Sampled sampled_renders, sampled_truth;
+  std::vector<std::string> gray;
   int64_t masked = 0, composited = 0;
   double excluded = 0;
   images_by_name(truth);  // Refuses two of one name.
@@ -86,26 +128,30 @@ Evaluation compare_folders(const fs::path& renders, const fs::path& truth, const
     unused.erase(path.stem().string());
     // jade_render --depth writes NAME_depth.png beside NAME.png.
     unused.erase(path.stem().string() + "_depth");
-    const auto found = by_name.find(path.stem().string());
-    if (found == by_name.end()) {
-      throw DataError(concat(renders.string(), ": expected an image named ", path.stem().string(),
-                             " as in ", truth.string(), ", found none"));
-    }
-    torch::Tensor image = imaging::read_image(found->second);
+    const std::string name = path.stem().string();
+    const fs::path render = render_of(name, by_name, renders, truth);
+    torch::Tensor image = imaging::read_image(render);
     const MaskedTruth reference = read_truth(path, of_all, mask);
     if (image.sizes() != reference.image.sizes()) {
-      refuse_size(found->second, image, reference.image, path);
+      refuse_size(render, image, reference.image, path);
     }
-    if (const torch::Tensor alpha = imaging::read_alpha(found->second); alpha.defined()) {
+    sampled_renders.add(name, image);
+    sampled_truth.add(name, reference.image);
+    const bool is_gray = imaging::is_gray(image) && image.any().item<bool>();
+    if (is_gray && !imaging::is_gray(reference.image)) gray.push_back(name);
+    if (const torch::Tensor alpha = imaging::read_alpha(render); alpha.defined()) {
       image = image * alpha;
       ++composited;
     }
-    scores.push_back(score(path.stem().string(), image, reference.image, &lpips, reference.mask));
+    scores.push_back(score(name, image, reference.image, &lpips, reference.mask));
     masked += int64_t(reference.mask.defined());
     excluded += scores.back().excluded;
   }
   if (scores.empty()) throw DataError(concat(truth.string(), ": expected images, found none"));
   warn_of_unused(renders, unused, by_name.size());
+  sampled_renders.warn_of_range(renders);
+  sampled_truth.warn_of_range(truth);
+  warn_of_gray(renders, gray, scores.size());
   if (masked > 0) {
     log_info(concat(truth.string(), ": ", masked, " of ", scores.size(),
                     " truths have pixels that do not count (alpha or mask), ",

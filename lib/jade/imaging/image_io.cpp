@@ -261,7 +261,11 @@ int compare_names(const std::string& a, const std::string& b) {
 }  // namespace
 
 torch::Tensor read_image(const std::filesystem::path& path) {
-  if (extension(path) == ".npy") return read_array(path);
+  if (extension(path) == ".npy") {
+    torch::Tensor image = read_array(path);
+    check_float_range(path, image);
+    return image;
+  }
   const cv::Mat mat = decode(path);
   switch (mat.depth()) {
     case CV_8U:

@@ -85,6 +85,11 @@ std::string range_fault(const std::vector<torch::Tensor>& images, const std::vec
       " times too dark; multiply ", mixed ? "these" : "the", " frames by ", factor);
 }
 
+bool any_nan(const std::vector<Range>& ranges) {
+  return std::any_of(ranges.begin(), ranges.end(),
+                     [](const Range& range) { return std::isnan(range.high); });
+}
+
 /// "2 of 12 all black (the first is 02)"; empty for none.
 std::string counted(const std::vector<size_t>& found, const char* what,
                     const std::vector<std::string>& names) {
@@ -130,15 +135,19 @@ std::string repeat_fault(const std::vector<torch::Tensor>& images, const std::ve
 std::vector<std::string> frame_faults(const std::vector<torch::Tensor>& images,
                                       const std::vector<std::string>& names) {
   const std::vector<Range> ranges = ranges_of(images);
-  const bool finite = std::none_of(ranges.begin(), ranges.end(),
-                                   [](const Range& range) { return std::isnan(range.high); });
-  if (images.empty() || !finite) return {};
+  if (images.empty() || any_nan(ranges)) return {};
   std::vector<std::string> faults;
   for (const std::string& fault : {range_fault(images, ranges, names), blank_fault(ranges, names),
                                    repeat_fault(images, ranges, names)}) {
     if (!fault.empty()) faults.push_back(fault);
   }
   return faults;
+}
+
+std::string range_fault(const std::vector<torch::Tensor>& images,
+                        const std::vector<std::string>& names) {
+  const std::vector<Range> ranges = ranges_of(images);
+  return images.empty() || any_nan(ranges) ? "" : range_fault(images, ranges, names);
 }
 
 bool is_mosaic(const torch::Tensor& frame) {

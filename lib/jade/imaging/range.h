@@ -15,6 +15,11 @@ namespace jade::imaging {
 std::vector<std::string> frame_faults(const std::vector<torch::Tensor>& images,
                                       const std::vector<std::string>& names);
 
+/// The fault of a wrong range alone; empty if there is none.
+/// @param images  as above, or of any shape: some pixels of each, if its brightest is among them
+std::string range_fault(const std::vector<torch::Tensor>& images,
+                        const std::vector<std::string>& names);
+
 /// True for a gray frame that is the raw mosaic of a colour sensor: the four places of its 2 x 2
 /// cells differ in mean brightness, two on a diagonal (the greens) less than the others.
 /// @param frame  [3,H,W]; false if it is in colour
