@@ -306,11 +306,28 @@ def sensor_times(data, encoding, np):
     return times, int(times[0]) + (int(parts[high[0]:][low[0]]) if len(low) else 0)
 
 
+def wraps_of(times, span):
+    """Wraps in successive values of a counter of `span` us, as EvtDecoder (recording/evt.h) counts them: a decrease by
+    more than half of the span, but for that to or from a single damaged value.
+    """
+    wraps, before = 0, None  # the value before the last long step
+    for last, time in zip(times, times[1:]):
+        fell, rose = last - time > span // 2, time - last > span // 2
+        if not (fell or rose):
+            before = None
+        elif before is not None and 0 <= time - before <= span // 16:
+            wraps, before = wraps - rose, None
+        else:
+            wraps, before = wraps + fell, last
+    return wraps
+
+
 class SensorClock:
     """Offset of the stamps of packets from the sensor's counter, which it unwraps."""
 
     def __init__(self):
-        self.wraps, self.stamp, self.high, self.ahead = 0, None, None, []
+        self.wraps, self.stamp, self.ahead = 0, None, []
+        self.last = []  # the counter's last two values
 
     def packet(self, stamp, times, first, span):
         """Returns the number of wraps of the counter, of `span` us, before this packet if it was silent for so long
@@ -318,16 +335,17 @@ class SensorClock:
         """
         if first is None:
             return 0
-        # The decoder counts a wrap at such a decrease.
-        wraps = self.wraps + span * int(self.high is not None and self.high - times[0] > span // 2)
+        known, seen = len(self.last), self.last + times.tolist()
+        before, begun, ended = (wraps_of(seen[:count], span) for count in (known, known + 1, len(seen)))
+        wraps = self.wraps + span * (begun - before)
         hidden = 0
         if self.ahead and 0 < stamp - self.stamp < LONGEST_PAUSE_US:
             said = round((stamp - self.ahead[-1] - first) / span) * span
             if said > wraps:
                 wraps, hidden = said, (said - self.wraps) // span
         self.ahead.append(stamp - wraps - first)
-        self.wraps = wraps + span * int((times[:-1] - times[1:] > span // 2).sum())
-        self.stamp, self.high = stamp, times[-1]
+        self.wraps = wraps + span * (ended - begun)
+        self.stamp, self.last = stamp, seen[-2:]
         return hidden
 
     def offset_us(self):
@@ -463,7 +481,7 @@ class BagReader:
             times, first = sensor_times(data, message.encoding, self.np)
             wraps = self.clock.packet(stamp_us(message.header), times, first, 1 << (24 if is_evt3 else 34))
             if wraps and is_evt3:  # half, the largest time and 0: a wrap in steps that are no damage
-                words = [0x87ff, 0x8fff, 0x8000] * wraps + [0x8000 | first >> 12, 0x6000 | first & 0xfff]
+                words = [0x87ff, 0x8fff, 0x8000] * wraps + [0x87ff] * (first >> 23) + [0x8000 | first >> 12, 0x6000 | first & 0xfff]
                 self.out.words("evt3", self.np.array(words, dtype="<u2").tobytes())
             self.out.words(message.encoding, data)
         else:

@@ -233,8 +233,8 @@ std::vector<std::string> files_of(const std::vector<data::NamedCamera>& views,
   std::set<std::string> known;
   for (const std::string& file : files) {
     if (known.insert(file).second) continue;
-    throw ConfigError(concat("--depth: expected one view for each file, found two for ", file,
-                             "; rename one of the cameras, or leave --depth away"));
+    throw ConfigError(concat("--cameras: expected one view for each file, found two for ", file,
+                             "; rename one of them"));
   }
   return files;
 }

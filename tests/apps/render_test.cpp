@@ -219,7 +219,7 @@ TEST_CASE("jade_render: pictures of any data set, and of another view, are not r
   CHECK(render("--cameras one.json --output other/renders").code == 0);
   CHECK(render("--cameras two.json --output two").code == 0);
   CHECK(render("--cameras two.json --output two").code == 0);
-  check_error(render("--cameras two.json --depth --output depth"), 2, "--depth", "a_depth.png");
+  check_error(render("--cameras two.json --depth --output depth"), 2, "--cameras", "a_depth.png");
   CHECK_FALSE(fs::exists(scene.dir / "depth"));
 }
 

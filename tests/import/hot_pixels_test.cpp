@@ -95,3 +95,14 @@ TEST_CASE("hot pixels: events on every other pixel accuse none but the hot one",
   CHECK((hot.pixels[0].row == 22 && hot.pixels[0].column == 60));
   CHECK((hot.pixels[1].row == 6 && hot.pixels[1].column == 14));
 }
+
+TEST_CASE("hot pixels: small groups are found where all other pixels are silent", "[import]") {
+  std::vector<float> xs, ys;
+  for (int i = 0; i < 2000; ++i)
+    xs.push_back(float(5 + i % 2)), ys.push_back(float(50 + i / 2 % 2));
+  std::vector<int64_t> times(xs.size(), 5);
+  import::PixelCounter wide({kHeight + 40, kWidth});
+  wide.add(noisy_recording());
+  wide.add(events::EventStream::from_lists(xs, ys, times, std::vector<int8_t>(xs.size(), 1)));
+  CHECK(import::find_hot_pixels(wide).pixels.size() == 2 + 4);
+}

@@ -341,8 +341,7 @@ TEST_CASE("recording: what a folder has but is not read is named", "[recording]"
   CHECK(read_recording(dir / "two").frames.size() == 2);
 }
 
-TEST_CASE("recording: of several trigger channels that with a pulse per frame counts",
-          "[recording]") {
+TEST_CASE("recording: the trigger channel with one pulse per frame is used", "[recording]") {
   const TempDir dir;
   std::string text = evt_header("3.0", "% geometry 640x480\n");
   text += evt3_time(500) + evt3_word(2, 1);

@@ -280,6 +280,9 @@ TEST_CASE("trainer: a checkpoint that cannot be written ends the run", "[run]") 
   run::Trainer trainer(tiny_options(scene), run, "");
   write_file(run / "checkpoints", "a file where the folder should be");
   CHECK_THROWS_NAMING(DataError, trainer.run(), "checkpoints");
+  for (const char* end : {"point_cloud.ply", "eval.json"}) {
+    CHECK_FALSE(std::filesystem::exists(run / end));
+  }
 }
 
 TEST_CASE("trainer: a folder is no checkpoint to resume from", "[run]") {

@@ -131,6 +131,17 @@ class Messages(unittest.TestCase):
         self.assertEqual(clock.packet(10 ** 15 + 8192, np.array([4096]), 4096, 1 << 24), 0)
         self.assertEqual(clock.ahead, [10 ** 15 - (1 << 24) + 4096] * 2)
 
+    def test_a_single_damaged_value_is_no_wrap(self):
+        high = [100, 101, 102]
+        for values, wraps in ((high, 0), ([100, 4000, 101], 0), ([3000, 3001, 16, 3002], 0), ([4095, 0, 1], 1), ([4094, 0, 4095, 0], 1),
+                              ([100, 4000, 4001, 102], 1)):
+            with self.subTest(values):
+                self.assertEqual(read_recording.wraps_of(values, 4096), wraps)
+        clock, whole = read_recording.SensorClock(), [100, 101, 4000, 102, 103, 4095, 0, 1]
+        for start in range(0, len(whole), 3):
+            clock.packet(10 ** 6 + start, np.array(whole[start:start + 3]), whole[start], 4096)
+        self.assertEqual(clock.wraps, 4096)
+
     def test_a_pause_is_written_as_time_words(self):
         with tempfile.TemporaryDirectory() as folder:
             reader = read_recording.BagReader(folder)

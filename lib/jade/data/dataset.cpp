@@ -229,6 +229,12 @@ std::string other_finding(const fs::path& folder) {
 
 namespace {
 
+/// Mean of a frame over the pixels that count.
+double brightness(const Exposure& exposure) {
+  if (!exposure.mask.defined()) return exposure.blurry.mean().item<double>();
+  return exposure.blurry.masked_select(exposure.mask).mean().item<double>();
+}
+
 /// Warns of frames that are much darker or brighter than both that are beside them in time, unless
 /// the data set says the gain of each frame.
 void tell_odd_brightness(const Warnings& warnings, const Dataset& data) {
@@ -243,7 +249,7 @@ void tell_odd_brightness(const Warnings& warnings, const Dataset& data) {
     return a->t_start_us < b->t_start_us;
   });
   std::vector<double> means;
-  for (const Exposure* const frame : frames) means.push_back(frame->blurry.mean().item<double>());
+  for (const Exposure* const frame : frames) means.push_back(brightness(*frame));
   std::vector<std::string> odd;
   for (size_t i = 0; i < means.size(); ++i) {
     const size_t a = i > 0 ? i - 1 : 2, b = i + 1 < means.size() ? i + 1 : i - 2;
@@ -258,7 +264,7 @@ void tell_odd_brightness(const Warnings& warnings, const Dataset& data) {
   if (odd.empty()) return;
   warnings.add(data.root.string(), ": expected frames of one brightness, found ", odd.size(),
                " of ", frames.size(), " unlike those beside them (", listing(odd),
-               "); give the frames' gains in gains.csv, or learn them: --set gains.optimize=on");
+               "); unless gains.optimize is on, set it, or give the frames' gains in gains.csv");
 }
 
 }  // namespace
@@ -266,7 +272,11 @@ void tell_odd_brightness(const Warnings& warnings, const Dataset& data) {
 std::vector<fs::path> datasets_around(const fs::path& path) {
   std::vector<fs::path> found;
   for (fs::path at = fs::weakly_canonical(fs::absolute(path));; at = at.parent_path()) {
-    if (found_kind(at)) found.push_back(at);
+    try {
+      if (found_kind(at)) found.push_back(at);
+    } catch (const DataError&) {
+      // a file that only looks like one of a data set
+    }
     if (at == at.parent_path()) return found;
   }
 }

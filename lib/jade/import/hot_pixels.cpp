@@ -14,6 +14,9 @@ namespace {
 constexpr double kTimesMedian = 8;
 constexpr double kDeviations = 8;
 constexpr int64_t kReach = 2;  // of the neighbourhood, pixels to each side
+/// Fewer neighbours with events may be hot too, as in a block of four. Scaling to twice the pixels
+/// leaves 8 of 24.
+constexpr int64_t kFewestActive = 4;
 
 /// Index of the pixel of each event in an image of this size, or -1.
 class PixelOf {
@@ -34,11 +37,11 @@ class PixelOf {
   int64_t height_, width_;
 };
 
-/// Median of the counts that are not 0; 0 if all are.
+/// Median of the counts that are not 0; 0 if fewer than `fewest` are.
 template <class Counts>
-double median_of_active(Counts first, Counts last) {
+double median_of_active(Counts first, Counts last, int64_t fewest) {
   last = std::remove(first, last, int64_t(0));
-  if (first == last) return 0;
+  if (last - first < fewest) return 0;
   const auto middle = first + (last - first) / 2;
   std::nth_element(first, middle, last);
   return double(*middle);
@@ -56,7 +59,7 @@ double median_around(const int64_t* counts, int64_t row, int64_t column, int64_t
       if (i != row || j != column) values[n++] = counts[i * width + j];
     }
   }
-  return median_of_active(values.begin(), values.begin() + std::ptrdiff_t(n));
+  return median_of_active(values.begin(), values.begin() + std::ptrdiff_t(n), kFewestActive);
 }
 
 }  // namespace
@@ -87,7 +90,7 @@ HotPixels find_hot_pixels(const PixelCounter& counter) {
   const int64_t height = counts.size(0), width = counts.size(1);
   const int64_t* const data = counts.const_data_ptr<int64_t>();
   std::vector<int64_t> all(data, data + counts.numel());
-  const double median = median_of_active(all.begin(), all.end());
+  const double median = median_of_active(all.begin(), all.end(), 1);
   const double seconds = std::max(counter.seconds(), 1e-6);
   HotPixels result{{}, torch::zeros({height, width}, torch::kBool)};
   bool* const mask = result.mask.data_ptr<bool>();

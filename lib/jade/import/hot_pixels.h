@@ -39,9 +39,9 @@ struct HotPixels {
 
 /// Finds pixels that fire without a cause: more than eight times as often as the median of all
 /// pixels and as the median of the 24 around them, and more than eight standard deviations of a
-/// count above the larger of the two. Both medians leave out pixels without events, as scaling to
-/// a finer image leaves many. A moving textured scene activates neighbours alike, whereas defects
-/// are isolated or in small groups.
+/// count above the larger of the two. Both medians leave out pixels without events, which scaling
+/// to a finer image makes, if enough remain. A moving textured scene activates neighbours alike,
+/// whereas defects are isolated or in small groups.
 HotPixels find_hot_pixels(const PixelCounter& counter);
 
 /// The events of pixels outside the mask. Any part of a recording can be processed separately.

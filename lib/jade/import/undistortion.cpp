@@ -65,7 +65,7 @@ torch::Tensor scaled(const torch::Tensor& image, int64_t height, int64_t width) 
   return at::_upsample_bilinear2d_aa(image.unsqueeze(0), {height, width}, false).squeeze(0);
 }
 
-/// A pixel of the smaller mask counts if all pixels do that it averages.
+/// A pixel of the smaller mask counts if all pixels that it averages count.
 torch::Tensor scaled_mask(const torch::Tensor& mask, int64_t height, int64_t width) {
   return scaled(mask.to(torch::kFloat32), height, width) > 1 - 1e-4;
 }
@@ -91,7 +91,7 @@ std::string scale_finer_frames(RectifyCameras& cameras, Capture& capture) {
   }
   if (capture.mask.defined()) capture.mask = scaled_mask(capture.mask, to.height, to.width);
   return concat("frames scaled from ", from.width, "x", from.height, " to ", to.width, "x",
-                to.height, ", as the event sensor sees no finer, ");
+                to.height, ", because the event sensor has no finer pixels, ");
 }
 
 std::string parallax_said(const LensOptions& options, const Rectification& to) {

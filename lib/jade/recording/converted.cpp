@@ -46,8 +46,8 @@ void convert(const fs::path& path, const ReadOptions& options, const fs::path& f
   throw DataError(concat(path.string(), ": scripts/read_recording.py failed (", code, "): ", said));
 }
 
-/// A folder of temporary files, which are deleted when the user reads of them, and the recording
-/// they were made from.
+/// A temporary folder, which is deleted before the user reads a message, and the recording that it
+/// was made from.
 struct Made {
   fs::path folder, original;
 

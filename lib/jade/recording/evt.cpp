@@ -195,21 +195,20 @@ void EvtDecoder::choose_order() {
 }
 
 /// The counter of `count` bits counts steps of 2^shift µs; a decrease by more than half of its
-/// range is a wrap, unless the counter returns from a single damaged value to those before it.
+/// range is a wrap, unless a single value is damaged: then the next one is near that before it.
 void EvtDecoder::set_time_high(int64_t value, int count, int shift) {
   constexpr int64_t kNear = 16;  // part of the range
   const int64_t high = value << shift, range = int64_t(1) << (count + shift);
-  if (has_time_ && high_us_ - high > range / 2) {
-    const int64_t since = high - before_leap_us_.value_or(INT64_MAX);
-    if (since >= 0 && since <= range / kNear) {
-      ++counts_.ahead;
-    } else {
-      wrap_us_ += range;
-      ++counts_.wraps;
-    }
-  }
+  const bool fell = has_time_ && high_us_ - high > range / 2;
+  const bool rose = has_time_ && high - high_us_ > range / 2;
+  const int64_t since = high - before_leap_us_.value_or(INT64_MAX);
+  const bool returned = (fell || rose) && since >= 0 && since <= range / kNear;
+  const int wraps = returned ? -int(rose) : int(fell);  // a fall to a damaged value was none
+  wrap_us_ += wraps * range;
+  counts_.wraps += wraps;
+  counts_.astray += returned;
   before_leap_us_.reset();
-  if (has_time_ && high - high_us_ > range / 2) before_leap_us_ = high_us_;
+  if ((fell || rose) && !returned) before_leap_us_ = high_us_;
   if (!has_time_ || high != high_us_) time_us_ = wrap_us_ + high;
   high_us_ = high;
   has_time_ = true;

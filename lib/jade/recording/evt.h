@@ -48,7 +48,7 @@ struct EvtCounts {
   int64_t backwards = 0;    ///< events earlier than their predecessor, kept
   int64_t unknown = 0;      ///< words of unknown type, skipped
   int64_t wraps = 0;        ///< wraps of the sensor's time counter
-  int64_t ahead = 0;        ///< damaged times far ahead, after which the counter goes on as before
+  int64_t astray = 0;       ///< single damaged times, after which the counter goes on as before
   int64_t cut_bytes = 0;    ///< bytes of an incomplete word at the end of the file
 };
 

@@ -85,7 +85,7 @@ void note_counts(const fs::path& path, const EvtDecoder& decoder, Recording& rec
   warn(c.outside, " events lie beside the sensor and were dropped; the file may be damaged");
   warn(c.before_time, " events stand before the first time stamp and were dropped");
   warn(c.unknown, " words are of no known type and were skipped; the file may be damaged");
-  warn(c.ahead, " times lie far ahead of those around them; the file may be damaged");
+  warn(c.astray, " times lie far from those around them; the file may be damaged");
   warn(c.cut_bytes, " bytes at the end are no whole word and were skipped; the file was cut short");
   warn(c.backwards, " times the clock went backwards; the events have been sorted");
   if (decoder.header().width == 0)

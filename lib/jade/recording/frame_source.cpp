@@ -225,6 +225,12 @@ void check_level(const ReadOptions& options, size_t frames, Recording& recording
              word_of(other)));
 }
 
+Triggers sorted(Triggers edges) {
+  for (auto* const each : {&edges.rising_us, &edges.falling_us})
+    std::sort(each->begin(), each->end());
+  return edges;
+}
+
 /// Exchanges the triggers for those of another channel if only that has one pulse per frame.
 void prefer_channel(const ReadOptions& options, size_t frames, Recording& recording) {
   const auto fits = [&](const Triggers& triggers) {
@@ -245,10 +251,10 @@ void prefer_channel(const ReadOptions& options, size_t frames, Recording& record
 void apply_triggers(const ReadOptions& options, Contents& contents) {
   auto& files = contents.files;
   Recording& recording = contents.recording;
-  prefer_channel(options, files.size(), recording);
   const Triggers& triggers = recording.triggers;
   if (triggers.rising_us.empty() && triggers.falling_us.empty()) return;
   if (std::none_of(files.begin(), files.end(), lacks_length)) return;
+  prefer_channel(options, files.size(), recording);
   const auto pulses = exposures_of(triggers, options.trigger_level);
   const Edges edges = edges_per_frame(pulses, triggers, options.trigger_level, files.size());
   // Names may be times of a clock that the edges are to replace.
@@ -392,12 +398,10 @@ void choose_channel(const fs::path& path, const std::map<int64_t, Triggers>& cha
     return count(a.second) < count(b.second);
   });
   if (most == channels.end()) return;
-  recording.triggers = most->second;
-  for (auto* edges : {&recording.triggers.rising_us, &recording.triggers.falling_us})
-    std::sort(edges->begin(), edges->end());
+  recording.triggers = sorted(most->second);
   for (const auto& [channel, edges] : channels) {
     if (channel == most->first) continue;
-    recording.other_triggers[channel] = edges;
+    recording.other_triggers[channel] = sorted(edges);
     recording.notes.push_back(concat(path.string(), ": ", count(edges),
                                      " trigger edges of channel ", channel,
                                      " are left out; those of channel ", most->first, " are more"));

@@ -191,6 +191,9 @@ void Trainer::look(Watcher* watcher) {
 }
 
 void Trainer::stop() {
+  // An earlier checkpoint may have failed for lack of space where this one finds some.
+  if (saving_.valid()) saving_.wait();
+  saving_ = {};
   save();
   finish_save();
   log_info(concat("saved at step ", state_.step, "; go on with jade_train --output ",
@@ -206,20 +209,25 @@ void Trainer::finish() {
   save();
   const data::Dataset posed = posed_dataset();
   if (state_.poses && interrupt_requested()) stop();  // discard half-fitted poses
-  write_cameras(directory_.path() / kCamerasFile, posed);
-  // Written after its cameras, because its existence marks the end of the run.
-  gaussians::write_ply(directory_.path() / kSceneFile,
-                       {state_.gaussians.detached(), false, data_.dataset.origin});
-  times_.end("test poses, scene");
+  times_.end("test poses");
   write_pictures(posed, /*truths=*/true);
   times_.end("pictures");
-  if (can_evaluate()) {
-    const eval::Evaluation evaluation = evaluate(posed);
-    write_file(directory_.path() / kScoresFile, eval::to_json(evaluation));
+  std::optional<eval::Evaluation> evaluation;
+  if (can_evaluate()) evaluation = evaluate(posed);
+  times_.end("scores");
+  // The scores and the scene, written after its cameras, mark the end of the run.
+  finish_save();
+  times_.end("checkpoint");
+  if (evaluation) {
+    write_file(directory_.path() / kScoresFile, eval::to_json(*evaluation));
     log_info((data_.dataset.test.empty() ? "on the held-out exposures:\n"
                                          : "on the sharp test views:\n") +
-             eval::to_table(evaluation));
+             eval::to_table(*evaluation));
   }
+  write_cameras(directory_.path() / kCamerasFile, posed);
+  gaussians::write_ply(directory_.path() / kSceneFile,
+                       {state_.gaussians.detached(), false, data_.dataset.origin});
+  times_.end("scene");
   if (state_.gains) {
     const auto [least, most] = state_.gains->range();
     log_info(concat("gains       of the frames ", least, " to ", most,
@@ -235,13 +243,10 @@ void Trainer::finish() {
         "the scene is empty: every Gaussian became too faint (opacity below 0.005); look at the "
         "losses in metrics.jsonl, and at thresholds, poses and time stamps of the data");
   }
-  times_.end("scores");
   write_report(directory_.path(), posed, bank(), state_, options_);
   pictures_.wait();
   times_.end("report");
-  finish_save();
   directory_.remove_left_results();
-  times_.end("checkpoint");
   log_info("time        " + times_.text());
   log_info(concat("report      ", (directory_.path() / kReportFile).string()));
   log_info(concat("scene       ", (directory_.path() / kSceneFile).string()));
@@ -254,9 +259,9 @@ void Trainer::finish() {
 
 void Trainer::run(Watcher* watcher) {
   if (!is_over() && directory_.set_aside_results()) {
-    log_info(concat("results of step ", state_.step, " are kept as ",
+    log_info(concat("results of the earlier end are kept as ",
                     (directory_.path() / "left_point_cloud.ply").string(),
-                    " and so on, until those of this run are written"));
+                    " and so on, until the new ones are written"));
   }
   if (const int64_t left = set_aside_checkpoints(directory_.path(), state_.step); left > 0) {
     log_warn(concat("checkpoints of later steps, no part of the run any more: ", left, ", kept as ",

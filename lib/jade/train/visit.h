@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Visits every tensor of a struct by name, for the captured step (step_graph.h): a tensor that it
-// missed would keep the values of the captured step. Therefore each struct lists all its members; a
-// list that is incomplete or contains a type that cannot be visited does not compile.
+// Visits every tensor of a struct by name, for checkpoints, gradients and the captured step
+// (step_graph.h): a tensor that it missed would be lost, or keep the values of the captured step.
+// Therefore each struct lists all its members; a list that is incomplete or contains a type that
+// cannot be visited does not compile.
 #pragma once
 
 #include <string>
