@@ -69,7 +69,7 @@ MpiDefault=none
 ReturnToService=2
 JobRequeue=1
 KillWait=10
-NodeName=$host NodeAddr=127.0.0.1 CPUs=$(nproc) State=UNKNOWN
+NodeName=$host NodeAddr=127.0.0.1 CPUs=$(env -u OMP_NUM_THREADS nproc) State=UNKNOWN
 PartitionName=local Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 CONF
   export SLURM_CONF="$folder/slurm.conf"
@@ -77,7 +77,7 @@ CONF
   slurmd -f "$folder/slurm.conf" >"$folder/slurmd.out" 2>&1
   for _ in $(seq 100); do
     if [ "$(sinfo -h -o %T 2>/dev/null)" = idle ]; then
-      say "$(sinfo --version) on $host with $(nproc) cores; export SLURM_CONF=$folder/slurm.conf"
+      say "$(sinfo --version) on $host with $(env -u OMP_NUM_THREADS nproc) cores; export SLURM_CONF=$folder/slurm.conf"
       return
     fi
     sleep 0.2
