@@ -32,8 +32,7 @@ TEST_CASE("picture writer: pictures are what they were when they were added", "[
   }
 }
 
-TEST_CASE("picture writer: a failure is reported once, and ends the pictures in progress",
-          "[run]") {
+TEST_CASE("picture writer: a failure is reported once", "[run]") {
   const test::TempDir dir;
   std::ofstream(dir / "file") << "in the way";
   PictureWriter writer;
@@ -43,7 +42,6 @@ TEST_CASE("picture writer: a failure is reported once, and ends the pictures in 
   writer.begin();
   CHECK_THROWS_WITH(writer.wait(), Catch::Contains("a.png"));
   CHECK_NOTHROW(writer.wait());
-  CHECK_FALSE(std::filesystem::exists(dir / "b.png"));
 }
 
 TEST_CASE("picture writer: ends when all are written", "[run]") {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/picture_writer.h"
 
+#include <ATen/Parallel.h>
+
 #include "jade/imaging/image_io.h"
 
 namespace jade::run {
@@ -17,7 +19,12 @@ void PictureWriter::begin() {
   if (added_.empty()) return;
   bytes_ = 0;
   writing_ = std::async(std::launch::async, [files = std::exchange(added_, {})] {
-    for (const auto& [path, image] : files) imaging::write_image(path, image);
+    at::parallel_for(0, static_cast<int64_t>(files.size()), 1, [&](int64_t begin, int64_t end) {
+      for (int64_t i = begin; i < end; ++i) {
+        const auto& [path, image] = files[static_cast<size_t>(i)];
+        imaging::write_image(path, image);
+      }
+    });
   });
 }
 

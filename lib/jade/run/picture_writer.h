@@ -9,7 +9,8 @@
 
 namespace jade::run {
 
-/// Writes pictures on a separate thread. The destructor waits for all of them.
+/// Writes pictures beside the calling thread, several at once. The destructor waits for all of
+/// them.
 class PictureWriter {
  public:
   /// @param max_bytes  of queued images; up to twice as much may be in memory
@@ -21,7 +22,7 @@ class PictureWriter {
   /// Starts writing the added pictures, after those started before.
   /// @throws DataError as wait()
   void begin();
-  /// @throws DataError of the first picture that could not be written; later ones are skipped.
+  /// @throws DataError of a picture that could not be written; others may be missing then
   void wait();
 
  private:
