@@ -10,7 +10,7 @@
 namespace jade::geometry::cuda {
 namespace {
 
-/// One warp: an exposure has about nine poses.
+/// One warp: a step has K poses, 5 to 17 by default.
 constexpr int kThreads = 32;
 
 /// One thread per pose.
