@@ -4,6 +4,7 @@
 #include <ATen/Parallel.h>
 #include <map>
 #include <set>
+#include <torch/csrc/autograd/autograd.h>
 
 #include "jade/core/error.h"
 #include "jade/losses/poses.h"
@@ -218,33 +219,28 @@ TEST_CASE("objective: the total is the sum of its named terms and of the single 
   CHECK(loss.total.item<double>() == Approx(expected.item<double>()));
 }
 
-TEST_CASE("objective: L_tgt beside the other terms is the same loss with the same gradient",
+TEST_CASE("objective: the parts of a plan have the loss and the gradient of the whole",
           "[losses]") {
   PrintedOptions always, agreed;
   agreed.target_until = 10;
   agreed.trust.agreement = 100;
   for (const ObjectiveOptions& options : {ObjectiveOptions(always), ObjectiveOptions(agreed)}) {
-    const auto with_gradient = [&](const Beside& beside) {
-      const torch::Tensor leaf = renders().set_requires_grad(true);
-      ObjectiveInputs in = inputs(leaf);
-      in.beside = beside;
-      const Objective loss = objective_at(in, kLate, options);
-      CHECK(names(loss).count("target") == 1);
-      torch::Tensor total = loss.total;
-      CHECK(loss.beside.defined() == static_cast<bool>(beside));
-      if (beside) total = total + loss.beside;
-      total.backward();
-      return std::pair(total.item<double>(), leaf.grad());
-    };
-    const auto [expected, gradient] = with_gradient({});
-    int calls = 0;
-    const auto [found, found_gradient] = with_gradient([&](const std::function<void()>& work) {
-      ++calls;
-      work();
-    });
-    CHECK(calls == 1);
-    CHECK(found == Approx(expected));
-    CHECK(torch::allclose(found_gradient, gradient));
+    const ObjectivePlan plan = plan_objective(options, kLate);
+    const torch::Tensor whole = renders().set_requires_grad(true);
+    const Objective expected = objective(inputs(whole), plan, options);
+    expected.total.backward();
+
+    const torch::Tensor leaf = renders().set_requires_grad(true);
+    const ObjectiveInputs in = inputs(leaf);
+    const Views views = pick_views(in, plan);
+    const Objective target = objective(views, in, plan.only_target(), options);
+    const Objective rest = objective(views, in, plan.without_target(), options);
+    CHECK(names(target).count("target") == 1);
+    CHECK(names(rest).count("target") == 0);
+    CHECK(target.terms.size() + rest.terms.size() == expected.terms.size());
+    torch::autograd::backward({target.total, rest.total}, {});
+    CHECK((target.total + rest.total).item<double>() == Approx(expected.total.item<double>()));
+    CHECK(torch::allclose(leaf.grad(), whole.grad()));
   }
 }
 

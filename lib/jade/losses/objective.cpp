@@ -48,13 +48,6 @@ void add(Objective& loss, const std::string& name, const torch::Tensor& value, d
   loss.total = loss.total.defined() ? loss.total + weighted : weighted;
 }
 
-/// The renders that the terms share, to which ρ is applied once.
-struct Views {
-  torch::Tensor all;  ///< [K,3,H,W]
-  torch::Tensor mean, target, edi_gray, edi_color,
-      simulation;  ///< [3,H,W]; undefined: not rendered
-};
-
 /// Assigns the rows of poses_read(), in its order.
 Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
   const std::vector<torch::Tensor> rendered = renders.unbind(0);
@@ -67,19 +60,6 @@ Views unpack_views(const torch::Tensor& renders, const ObjectivePlan& plan) {
     views.edi_color = rendered.at(next++);
   }
   return views;
-}
-
-Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
-  if (inputs.renders.size(0) != inputs.samples) return unpack_views(inputs.renders, plan);
-  if (plan.drawn_target) {
-    const PoseViews views = pose_views(inputs.renders, inputs.pose_draws, inputs.weights);
-    const std::vector<torch::Tensor>& picks = views.picks;
-    return {views.all, views.mean, picks[kTermDraws], picks[0], picks[1], picks[2]};
-  }
-  const PoseViews views = pose_views(inputs.renders, inputs.pose_draws.narrow(0, 0, kTermDraws),
-                                     inputs.weights, inputs.samples / 2);
-  const std::vector<torch::Tensor>& picks = views.picks;
-  return {views.all, views.mean, picks[0], picks[1], picks[2], picks[3]};
 }
 
 /// Images under ρ that the terms read; undefined if unused. Gray ones are g(ρ(·)), [1,H,W].
@@ -205,10 +185,27 @@ torch::Tensor poses_read(const ObjectivePlan& plan, const torch::Tensor& pose_dr
   return torch::cat(read);
 }
 
+Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
+  check_inputs(inputs, plan);
+  if (inputs.renders.size(0) != inputs.samples) return unpack_views(inputs.renders, plan);
+  if (plan.drawn_target) {
+    const PoseViews views = pose_views(inputs.renders, inputs.pose_draws, inputs.weights);
+    const std::vector<torch::Tensor>& picks = views.picks;
+    return {views.all, views.mean, picks[kTermDraws], picks[0], picks[1], picks[2]};
+  }
+  const PoseViews views = pose_views(inputs.renders, inputs.pose_draws.narrow(0, 0, kTermDraws),
+                                     inputs.weights, inputs.samples / 2);
+  const std::vector<torch::Tensor>& picks = views.picks;
+  return {views.all, views.mean, picks[0], picks[1], picks[2], picks[3]};
+}
+
 Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options) {
-  check_inputs(inputs, plan);
-  const Views views = pick_views(inputs, plan);
+  return objective(pick_views(inputs, plan), inputs, plan, options);
+}
+
+Objective objective(const Views& views, const ObjectiveInputs& inputs, const ObjectivePlan& plan,
+                    const ObjectiveOptions& options) {
   const torch::Tensor& blurry = inputs.blurry;
   torch::Tensor target_weight, edi_weight;  // defined if the weights change
   if (inputs.term_weights.defined()) {
@@ -218,26 +215,14 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
 
   Objective loss;
   Terms terms;
-  const auto add_target = [&](Terms& to) {
-    if (plan.agreed_target) {
-      const torch::Tensor value = target_loss(views.target, *inputs.target, options.dssim);
-      add(loss, "target", where_agreed(value, options.trust.agreement), options.target_weight,
-          target_weight);
-      loss.terms.push_back({"target_distance", value.detach(), false});
-    } else {
-      to.add("target", target_pairs(views.target, *inputs.target), options.target_weight,
-             target_weight);
-    }
-  };
-  if (plan.target && inputs.beside) {
-    inputs.beside([&] {
-      Terms alone;
-      add_target(alone);
-      alone.sum_up(options.dssim, &loss);
-      std::swap(loss.total, loss.beside);
-    });
+  if (plan.agreed_target) {
+    const torch::Tensor value = target_loss(views.target, *inputs.target, options.dssim);
+    add(loss, "target", where_agreed(value, options.trust.agreement), options.target_weight,
+        target_weight);
+    loss.terms.push_back({"target_distance", value.detach(), false});
   } else if (plan.target) {
-    add_target(terms);
+    terms.add("target", target_pairs(views.target, *inputs.target), options.target_weight,
+              target_weight);
   }
   const Toned toned = tone(inputs, views, plan);
   if (plan.blur) {

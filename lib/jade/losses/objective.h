@@ -124,6 +124,20 @@ struct ObjectivePlan {
   /// Whether all renders are needed, because a term reads their mean; also if no term reads any.
   bool all_poses() const { return blur || simulation || intensity || !(target || edi); }
 
+  /// Parts of the plan, of which only the first needs the target.
+  ObjectivePlan only_target() const {
+    ObjectivePlan part;
+    part.target = target;
+    part.agreed_target = agreed_target;
+    part.drawn_target = drawn_target;
+    return part;
+  }
+  ObjectivePlan without_target() const {
+    ObjectivePlan part = *this;
+    part.target = part.agreed_target = part.drawn_target = false;
+    return part;
+  }
+
   /// For operator==.
   auto members() const {
     const auto all = std::tie(target, blur, edi, simulation, intensity, event, response,
@@ -150,10 +164,6 @@ struct ToneInput {
 /// The camera response ρ: evaluates all images of a step, at most 5, in one call. Empty: the
 /// identity.
 using ToneCurve = std::function<std::vector<torch::Tensor>(const std::vector<ToneInput>&)>;
-
-/// Runs its argument, on a GPU on a second stream: the target may still be computed there, while
-/// the other terms run on the first.
-using Beside = std::function<void(const std::function<void()>&)>;
 
 /// R at the poses of L_edi gray, L_edi colour and L_sim, [1,H,W] each.
 struct EdiFactors {
@@ -182,7 +192,6 @@ struct ObjectiveInputs {
   /// which must then be constant.
   torch::Tensor term_weights;
   std::optional<Fixed> target;      ///< [3,H,W], at the pose of L_tgt; needed for it only
-  Beside beside;                    ///< runs L_tgt; empty: with the other terms
   std::optional<EventPair> events;  ///< needed for L_ev only
   ToneCurve tone;                   ///< ρ; ignored if the plan does not use it
 };
@@ -197,8 +206,7 @@ struct NamedTerm {
 
 /// Contains active terms only: a disabled one is absent, not multiplied by zero.
 struct Objective {
-  torch::Tensor total;   ///< scalar; undefined if no term is active
-  torch::Tensor beside;  ///< L_tgt if it is computed on the second stream: not part of the total
+  torch::Tensor total;  ///< scalar; undefined if no term is active
   std::vector<NamedTerm> terms;
 };
 
@@ -213,10 +221,22 @@ std::array<double, 2> term_weights(const ObjectiveOptions& options, int64_t step
 torch::Tensor target_pose(const ObjectivePlan& plan, const torch::Tensor& pose_draws,
                           int64_t samples);
 
+/// The images that the terms of a plan read: renders, their mean and picks, in one operation.
+struct Views {
+  torch::Tensor all;  ///< [K,3,H,W]
+  torch::Tensor mean, target, edi_gray, edi_color,
+      simulation;  ///< [3,H,W]; undefined: not rendered
+};
+
+/// @throws ContractError if the inputs are not those of the plan
+Views pick_views(const ObjectiveInputs& inputs, const ObjectivePlan& plan);
+
 /// L_scene = L_tgt + L_blur + L_edi + L_sim + L_int (+ L_ev), Eq. (10): the terms of the plan with
 /// their weights. Does not wait for the device.
-/// @return total and beside are two roots of one graph: call torch::autograd::backward() for both
-///   at once
+/// @param views  pick_views() of a plan that contains this one: the parts of a plan share them, as
+///   roots of one graph, so call torch::autograd::backward() for all parts at once
+Objective objective(const Views& views, const ObjectiveInputs& inputs, const ObjectivePlan& plan,
+                    const ObjectiveOptions& options);
 Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options);
 

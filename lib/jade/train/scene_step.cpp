@@ -141,7 +141,7 @@ Renders render_exposure(TrainState& state, const StepInputs& inputs, const StepP
 std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& step_inputs,
                                           const Renders& renders, const torch::Tensor& target,
                                           const StepPlan& plan, const RunOptions& options,
-                                          const losses::Beside& beside,
+                                          const Beside& beside,
                                           const torch::Tensor& response_table) {
   const View& view = step_inputs.view;
   losses::ObjectiveInputs inputs;
@@ -155,7 +155,6 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   inputs.mask = view.mask;
   inputs.term_weights = step_inputs.term_weights;
   if (target.defined()) inputs.target.emplace(target);
-  inputs.beside = beside;
   inputs.tone = tone_curve(state, plan, response_table);
   if (plan.objective.event) {
     inputs.events =
@@ -166,7 +165,19 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   // a separate root of the graph: nothing waits for it or its gradient
   torch::Tensor regularization;
   apart([&] { regularization = state.densifier.regularization(state.gaussians); });
-  losses::Objective loss = losses::objective(inputs, plan.objective, options.objective);
+  const losses::ObjectivePlan& terms = plan.objective;
+  const losses::Views views = losses::pick_views(inputs, terms);
+  const auto part = [&](const losses::ObjectivePlan& of) {
+    return losses::objective(views, inputs, of, options.objective);
+  };
+  losses::Objective loss, target_part;
+  if (beside && terms.target) {
+    beside([&] { target_part = part(terms.only_target()); });
+    loss = part(terms.without_target());
+    loss.terms.insert(loss.terms.begin(), target_part.terms.begin(), target_part.terms.end());
+  } else {
+    loss = part(terms);
+  }
   if (regularization.defined()) loss.terms.push_back({"regularization", regularization});
   add_term(loss, "gains", gain_prior(state, step_inputs));
   if (state.pattern) {
@@ -174,7 +185,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   }
   state.zero_grad();
   std::vector<torch::Tensor> roots;
-  for (const torch::Tensor& root : {loss.total, loss.beside, regularization}) {
+  for (const torch::Tensor& root : {loss.total, target_part.total, regularization}) {
     if (root.defined()) roots.push_back(root);
   }
   torch::autograd::backward(roots, {});

@@ -28,7 +28,7 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPla
     route = routing_step(state, inputs, alpha, out.renders, plan, options.route);
     if (plan.objective.target) target = scene_target(state, inputs.view, inputs.view_index);
   });
-  losses::Beside beside;
+  Beside beside;
   if (side.apart()) {
     beside = [&](const std::function<void()>& work) {
       side.follow();
