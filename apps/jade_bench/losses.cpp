@@ -71,8 +71,7 @@ struct Images {
   losses::Objective objective() const {
     losses::ObjectiveInputs inputs;
     inputs.renders = renders;
-    inputs.blurry = blurry;
-    inputs.blurry_moments = blurry_moments;
+    inputs.blurry = blurry_moments;
     inputs.pose_draws = draws;
     inputs.edi_factors = losses::EdiFactors::of(factors.index_select(0, inputs.pose_draws));
     inputs.target.emplace(restorations.edi);

@@ -23,8 +23,7 @@ constexpr int64_t kLate = 8000;
 ObjectiveInputs inputs(const torch::Tensor& renders) {
   ObjectiveInputs in;
   in.renders = renders;
-  in.blurry = image(20);
-  in.blurry_moments = imaging::ssim_target(in.blurry);
+  in.blurry = imaging::ssim_target(image(20));
   in.edi_factors = EdiFactors::of(image(21, {3, 1, 7, 9}) + 0.5);
   in.pose_draws = torch::tensor({2, 4, 8}, torch::kInt64);
   in.target = Fixed(image(22));
@@ -207,7 +206,7 @@ TEST_CASE("objective: the total is the sum of its named terms and of the single 
   double sum = 0;
   for (const NamedTerm& term : loss.terms) sum += term.value.item<double>();
   CHECK(loss.total.item<double>() == Approx(sum));
-  const torch::Tensor r = renders(), b = in.blurry, toned_b = b * b;
+  const torch::Tensor r = renders(), b = in.blurry.image, toned_b = b * b;
   const EdiFactors& gain = in.edi_factors;
   const auto rec = [](const imaging::L1SsimPair& pair) { return rec_loss(pair, 0.3); };
   const torch::Tensor expected =

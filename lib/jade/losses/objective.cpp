@@ -88,7 +88,7 @@ torch::Tensor mean_weights(const ObjectiveInputs& inputs) {
 Toned tone(const ObjectiveInputs& inputs, const Views& views, const ObjectivePlan& plan) {
   Toned toned;
   if (!plan.response || !inputs.tone) {
-    toned.blurry = inputs.blurry;
+    toned.blurry = inputs.blurry.image;
     if (plan.edi) toned.edi_gray = imaging::gray(views.edi_gray);
     if (plan.simulation) {
       toned.mean_gray = imaging::gray(views.mean);
@@ -105,7 +105,7 @@ Toned tone(const ObjectiveInputs& inputs, const Views& views, const ObjectivePla
     answers.push_back(&answer);
   };
   const torch::Tensor gray = gray_weights(inputs.renders);
-  if (plan.edi || plan.intensity) ask(toned.blurry, inputs.blurry, {});
+  if (plan.edi || plan.intensity) ask(toned.blurry, inputs.blurry.image, {});
   if (plan.edi) ask(toned.edi_gray, views.edi_gray.unsqueeze(1), gray);
   if (plan.simulation) {
     ask(toned.mean_gray, views.mean.unsqueeze(1), gray);
@@ -129,7 +129,7 @@ void check_inputs(const ObjectiveInputs& inputs, const ObjectivePlan& plan) {
              "expected renders of ", read.defined() ? read.size(0) : inputs.samples,
              " poses, found ", count);
   const int64_t height = inputs.renders.size(2), width = inputs.renders.size(3);
-  check_shape(inputs.blurry, "blurry frame", {3, height, width});
+  check_shape(inputs.blurry.image, "blurry frame", {3, height, width});
   const EdiFactors& factors = inputs.edi_factors;
   if (plan.edi) {
     check_shape(factors.gray, "EDI factors of L_edi gray", {1, height, width});
@@ -206,7 +206,6 @@ Objective objective(const ObjectiveInputs& inputs, const ObjectivePlan& plan,
 
 Objective objective(const Views& views, const ObjectiveInputs& inputs, const ObjectivePlan& plan,
                     const ObjectiveOptions& options) {
-  const torch::Tensor& blurry = inputs.blurry;
   torch::Tensor target_weight, edi_weight;  // defined if the weights change
   if (inputs.term_weights.defined()) {
     target_weight = inputs.term_weights[0];
@@ -225,15 +224,12 @@ Objective objective(const Views& views, const ObjectiveInputs& inputs, const Obj
               target_weight);
   }
   const Toned toned = tone(inputs, views, plan);
-  if (plan.blur) {
-    const bool prepared = inputs.blurry_moments.mean.defined();
-    const imaging::SsimTarget plain{blurry, {}, {}};
-    terms.add("blur", {blur_pair(views.mean, prepared ? inputs.blurry_moments : plain)});
-  }
+  if (plan.blur) terms.add("blur", {blur_pair(views.mean, inputs.blurry)});
   if (plan.edi) {
     terms.add("edi_gray", {edi_gray_pair(toned.edi_gray, toned.blurry, inputs.edi_factors.gray)},
               kEdiWeight, edi_weight);
-    terms.add("edi_color", {edi_color_pair(views.edi_color, blurry, inputs.edi_factors.color)},
+    terms.add("edi_color",
+              {edi_color_pair(views.edi_color, inputs.blurry.image, inputs.edi_factors.color)},
               kEdiWeight, edi_weight);
   }
   if (plan.simulation) {

@@ -176,11 +176,9 @@ struct EdiFactors {
 struct ObjectiveInputs {
   /// [K,3,H,W], Î_k, or [M,3,H,W], only those of poses_read(); differentiable
   torch::Tensor renders;
-  int64_t samples = 9;    ///< K, odd; the middle one is mid-exposure
-  torch::Tensor weights;  ///< [K] weights in the mean render, of sum 1; undefined: 1/K each
-  torch::Tensor blurry;   ///< [3,H,W], B
-  /// ssim_target(blurry), which provides two of L_blur's five window sums; may be undefined.
-  imaging::SsimTarget blurry_moments;
+  int64_t samples = 9;         ///< K, odd; the middle one is mid-exposure
+  torch::Tensor weights;       ///< [K] weights in the mean render, of sum 1; undefined: 1/K each
+  imaging::SsimTarget blurry;  ///< [3,H,W], B; its window means may be undefined
   /// [3] int64 on the renders' device: the poses of L_edi gray, L_edi colour and L_sim; [4] with
   /// that of L_tgt, which a plan with drawn_target needs.
   torch::Tensor pose_draws;

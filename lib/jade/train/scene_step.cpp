@@ -146,8 +146,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   const View& view = step_inputs.view;
   losses::ObjectiveInputs inputs;
   inputs.renders = renders.color;
-  inputs.blurry = view.blurry;
-  inputs.blurry_moments = view.blurry_moments;
+  inputs.blurry = view.blurry_moments;
   inputs.samples = view.cameras.camera_from_world.size(0);
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;
