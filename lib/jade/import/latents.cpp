@@ -61,10 +61,11 @@ torch::Tensor latents_of(const Shot& shot, const Capture& capture, const ImportO
   const bool mean_of_each = options.latents.kind == LatentKind::kMean && restorer.has_network() &&
                             restorer.metadata().any_time;
   if (mean_of_each) how.times.assign(std::begin(kLatentMoments), std::end(kLatentMoments));
+  const data::Exposure exposure = exposure_of(shot, capture);
   const restore::RestoredExposure restored =
-      restore::restore_exposure(exposure_of(shot, capture), capture.events, how, restorer);
+      restore::restore_exposure(exposure, capture.events, how, restorer);
   const torch::Tensor gain = restore::gain_at(restored, how, {0, 0.5, 1}).unsqueeze(1);
-  torch::Tensor latents = restored.blurry * gain;
+  torch::Tensor latents = exposure.blurry.to(gain.device()) * gain;
   if (options.latents.kind == LatentKind::kEdi) return latents.cpu();
   if (mean_of_each) return (0.5 * (latents + restored.efnet_at)).cpu();
   const torch::Tensor mean = 0.5 * (restored.restorations.edi + restored.restorations.efnet);

@@ -37,30 +37,31 @@ torch::Tensor gain_at(const torch::Tensor& windows, const RestoreOptions& option
 }
 
 /// @param lasts  false: the exposure has zero length, so all its moments equal the middle
-void restore_learned(const ExposureSums& sums, bool lasts, const RestoreOptions& options,
-                     ViewRestorer& restorer, RestoredExposure& restored) {
+void restore_learned(const torch::Tensor& blurry, const ExposureSums& sums, bool lasts,
+                     const RestoreOptions& options, ViewRestorer& restorer,
+                     RestoredExposure& restored) {
   const torch::Tensor& events = sums.network;
   const std::vector<double>& times = options.times;
   torch::Tensor& middle = restored.restorations.efnet;
   if (times.empty() || !lasts) {
-    middle = restorer.efnet(restored.blurry, events);
+    middle = restorer.efnet(blurry, events);
     const auto count = static_cast<int64_t>(times.size());
     if (count > 0) restored.efnet_at = middle.unsqueeze(0).expand({count, -1, -1, -1});
     return;
   }
   torch::Tensor kept = sums.kept;
-  if (options.only_kept_times) kept = restorer.kept_efnet(restored.blurry, events, times);
+  if (options.only_kept_times) kept = restorer.kept_efnet(blurry, events, times);
   if (kept.defined()) {
     restored.efnet_at = kept.to(restorer.device());
   } else if (!options.only_kept_times) {
-    restored.efnet_at = restorer.efnet(restored.blurry, events, times);
+    restored.efnet_at = restorer.efnet(blurry, events, times);
   }
   const auto found = std::find(times.begin(), times.end(), 0.5);
   const bool has_middle = restored.efnet_at.defined() && found != times.end();
   // A copy, so that the memory of the others can be freed.
   middle = has_middle ? restored.efnet_at[found - times.begin()].to(
                             torch::kFloat32, /*non_blocking=*/false, /*copy=*/true)
-                      : restorer.efnet(restored.blurry, events);
+                      : restorer.efnet(blurry, events);
 }
 
 }  // namespace
@@ -120,10 +121,10 @@ RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums s
   const torch::Device device = restorer.device();
   RestoredExposure restored;
   restored.maps = std::move(sums.maps);
-  restored.blurry = exposure.blurry.to(device).contiguous();
+  const torch::Tensor blurry = exposure.blurry.to(device).contiguous();
   // Run it before EDI, so that EDI's 64 maps and the network's memory are not needed at once.
   if (restorer.has_network()) {
-    restore_learned(sums, exposure.duration_us() > 0, options, restorer, restored);
+    restore_learned(blurry, sums, exposure.duration_us() > 0, options, restorer, restored);
   }
   restored.windows = sums.windows.to(device);
   const std::vector<double> samples =
@@ -133,7 +134,7 @@ RestoredExposure restore_exposure(const data::Exposure& exposure, ExposureSums s
                              ? restored.gain
                              : gain_at(restored.windows, options, samples, options.taught_contrast);
   const torch::Tensor middle = restored.gain.narrow(0, options.exposure.samples / 2, 1);
-  restored.restorations.edi = (restored.blurry + options.log_offset) * middle - options.log_offset;
+  restored.restorations.edi = (blurry + options.log_offset) * middle - options.log_offset;
   return restored;
 }
 

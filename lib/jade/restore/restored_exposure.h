@@ -37,7 +37,6 @@ int64_t integral_samples(const RestoreOptions& options);
 struct RestoredExposure {
   events::ExposureMaps maps;  ///< on the CPU, without their windows
   // On the restorer's device:
-  torch::Tensor blurry;   ///< [3,H,W]
   torch::Tensor windows;  ///< [S−1,H,W] events::edi_windows(), S integral_samples()
   torch::Tensor gain;     ///< [K,H,W] latent images relative to the blurry frame, at the moments
                           ///< of geometry::quadrature()

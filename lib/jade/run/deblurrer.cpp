@@ -76,10 +76,10 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index,
         {exposure.blurry, events::polarity_projection(found.maps.voxel.values), index});
   }
   for (size_t k = 0; k < times.size(); ++k) {
-    const torch::Tensor gain = restore::gain_at(found, how, {times[k]});
+    const torch::Tensor gain = restore::gain_at(found, how, {times[k]}).cpu();
     restore::Candidates at;
     at.blurry = exposure.blurry;
-    at.edi = ((found.blurry + options_.log_offset) * gain - options_.log_offset).cpu();
+    at.edi = (exposure.blurry + options_.log_offset) * gain - options_.log_offset;
     if (found.efnet_at.defined()) {
       at.efnet = found.efnet_at[static_cast<int64_t>(k)].to(torch::kCPU, torch::kFloat32);
     }

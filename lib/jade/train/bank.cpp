@@ -193,9 +193,9 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
                  device.is_cuda() ? std::launch::async : std::launch::deferred);
   for (size_t i = 0; i < spans.size(); ++i) {
     throw_if_interrupted();
-    const data::Exposure& exposure = dataset.train[i];
+    const data::Exposure exposure = masked(dataset.train[i]);
     add(exposure, spans[i], masks, dataset.monochrome,
-        restore::restore_exposure(masked(exposure), sums.next(), how, restorer));
+        restore::restore_exposure(exposure, sums.next(), how, restorer));
     if (progress.step()) progress.show();
   }
   restorer.leave();
@@ -206,12 +206,11 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
 void ViewBank::add(const data::Exposure& exposure, const ExposureSpan& span, bool masks,
                    bool monochrome, const restore::RestoredExposure& restored) {
   const events::EventVoxel& voxel = restored.maps.voxel;
-  const torch::Device device = restored.blurry.device();
   const bool lasts = exposure.duration_us() > 0;
   torch::Tensor mask;
-  if (exposure.mask.defined()) mask = exposure.mask.to(device, torch::kFloat32);
-  put(frames_, restored.blurry);
-  if (masks) put(masks_, mask.defined() ? mask : torch::ones_like(restored.blurry.narrow(0, 0, 1)));
+  if (exposure.mask.defined()) mask = exposure.mask.to(device_, torch::kFloat32);
+  put(frames_, exposure.blurry.contiguous());
+  if (masks) put(masks_, mask.defined() ? mask : torch::ones_like(exposure.blurry.narrow(0, 0, 1)));
 
   const bool printed = options_.objective.edi_contrast == 1;
   put(edi_, kept(restored.taught_gain.unsqueeze(1), lasts, printed ? torch::kFloat : torch::kHalf));
