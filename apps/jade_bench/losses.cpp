@@ -34,7 +34,7 @@ constexpr int64_t kStep = 8001;
 struct Images {
   torch::Tensor renders;              ///< [9,3,H,W], leaf
   torch::Tensor image, other, alpha;  ///< [3,H,W], [3,H,W], [1,H,W], leaves
-  torch::Tensor blurry, factors, counts, pixels, psi, draws;
+  torch::Tensor blurry, factors, counts, pixels, measured, draws;
   imaging::SsimTarget blurry_moments;
   restore::Restorations restorations;
   router::Router router{make_generator(0, "router")};
@@ -55,7 +55,7 @@ struct Images {
     pixels = at::randperm(height * width, generator, torch::kInt64)
                  .narrow(0, 0, std::min(kEventPixels, height * width))
                  .to(device);
-    psi = draw({2, height, width});
+    measured = torch::cat({blurry, draw({2, height, width})}).unsqueeze(0);
     draws = torch::tensor({1, 6, 2}, torch::kInt64).to(device);
     restorations.edi = draw({3, height, width});
     restorations.efnet = draw({3, height, width});
@@ -146,11 +146,7 @@ std::vector<Term> terms() {
              .total;
        }},
       {"router",
-       [](const Images& in) {
-         return router::Router(in.router)
-             ->logits(in.blurry.unsqueeze(0), in.psi.unsqueeze(0))
-             .sum();
-       }},
+       [](const Images& in) { return router::Router(in.router)->logits(in.measured).sum(); }},
       {"objective", [](const Images& in) { return in.objective().total; }}};
 }
 

@@ -17,16 +17,9 @@
 namespace jade::router {
 namespace {
 
-struct Images {
-  torch::Tensor blurry, psi;
-};
-
-Images drawn_images(int64_t count, int64_t height, int64_t width, torch::Dtype type) {
-  at::Generator generator = make_generator(7, "router images");
-  const auto draw = [&](int64_t channels) {
-    return torch::randn({count, channels, height, width}, generator, torch::kFloat64).to(type);
-  };
-  return {draw(3), draw(2)};
+torch::Tensor drawn_input(int64_t count, int64_t height, int64_t width, torch::Dtype type) {
+  at::Generator generator = make_generator(7, "router input");
+  return torch::randn({count, 5, height, width}, generator, torch::kFloat64).to(type);
 }
 
 Router drawn_router(torch::Dtype type) {
@@ -35,16 +28,14 @@ Router drawn_router(torch::Dtype type) {
   return router;
 }
 
-/// The logits' gradients by both images and every parameter.
-std::vector<torch::Tensor> gradients(Router& router, const Images& images, bool fused) {
+/// The logits, and their gradients by the input and every parameter.
+std::vector<torch::Tensor> gradients(Router& router, const torch::Tensor& input, bool fused) {
   router->zero_grad();
-  const auto leaf = [](const torch::Tensor& t) { return t.clone().set_requires_grad(true); };
-  const Images leaves{leaf(images.blurry), leaf(images.psi)};
-  const torch::Tensor logits = fused ? router->logits(leaves.blurry, leaves.psi)
-                                     : router->logits_by_layers(leaves.blurry, leaves.psi);
+  const torch::Tensor leaf = input.clone().set_requires_grad(true);
+  const torch::Tensor logits = fused ? router->logits(leaf) : router->logits_by_layers(leaf);
   at::Generator generator = make_generator(8, "cotangent");
   logits.backward(torch::randn(logits.sizes(), generator, torch::kFloat64).to(logits.dtype()));
-  std::vector<torch::Tensor> all = {logits.detach(), leaves.blurry.grad(), leaves.psi.grad()};
+  std::vector<torch::Tensor> all = {logits.detach(), leaf.grad()};
   for (const torch::Tensor& parameter : router->parameters()) all.push_back(parameter.grad());
   return all;
 }
@@ -59,10 +50,10 @@ TEST_CASE("router on the CPU: values and gradients are those of torch's layers",
   for (const torch::Dtype type : {torch::kFloat64, torch::kFloat32}) {
     Router router = drawn_router(type);
     for (const auto& size : sizes) {
-      const Images images = drawn_images(size[0], size[1], size[2], type);
-      const auto own = gradients(router, images, true);
-      const auto torchs = gradients(router, images, false);
-      REQUIRE(own.size() == 13);
+      const torch::Tensor input = drawn_input(size[0], size[1], size[2], type);
+      const auto own = gradients(router, input, true);
+      const auto torchs = gradients(router, input, false);
+      REQUIRE(own.size() == 12);
       for (size_t i = 0; i < own.size(); ++i) {
         INFO("size " << size[1] << "x" << size[2] << ", tensor " << i);
         CHECK(own[i].sizes() == torchs[i].sizes());
@@ -74,10 +65,9 @@ TEST_CASE("router on the CPU: values and gradients are those of torch's layers",
 }
 
 TEST_CASE("router on the CPU: gradcheck, and it notices a derivative that is off", "[router]") {
-  const Images images = drawn_images(1, 5, 6, torch::kFloat64);
   Router router = drawn_router(torch::kFloat64);
-  std::vector<torch::Tensor> inputs = {images.blurry, images.psi};
-  std::vector<std::string> names = {"blurry", "psi"};
+  std::vector<torch::Tensor> inputs = {drawn_input(1, 5, 6, torch::kFloat64)};
+  std::vector<std::string> names = {"input"};
   for (const auto& item : router->named_parameters()) {
     inputs.push_back(item.value().detach());
     names.push_back(item.key());
@@ -86,17 +76,17 @@ TEST_CASE("router on the CPU: gradcheck, and it notices a derivative that is off
   const auto logits = [](const std::vector<torch::Tensor>& in) {
     // In the order of registration.
     return cpu::router_logits(
-        in[0], in[1], {in[2], in[3], in[4], in[5], in[6], in[7], in[8], in[9], in[10], in[11]});
+        in[0], {in[1], in[2], in[3], in[4], in[5], in[6], in[7], in[8], in[9], in[10]});
   };
   test::GradcheckOptions options;
-  options.max_elements = 60;
+  options.max_elements = 70;
   const auto report = test::gradcheck(logits, inputs, names, options);
   INFO(report.message);
   CHECK(report.passed);
   CHECK(report.checked > 500);
 
   const auto broken = [&](const std::vector<torch::Tensor>& in) {
-    const torch::Tensor off = 1e-3 * in[4].sum();
+    const torch::Tensor off = 1e-3 * in[3].sum();
     return logits(in) + off - off.detach();
   };
   CHECK_FALSE(test::gradcheck(broken, inputs, names, options).passed);
@@ -104,12 +94,12 @@ TEST_CASE("router on the CPU: gradcheck, and it notices a derivative that is off
 
 TEST_CASE("router on the CPU: the same bits for any number of threads", "[router]") {
   Router router = drawn_router(torch::kFloat32);
-  const Images images = drawn_images(1, 75, 61, torch::kFloat32);
+  const torch::Tensor input = drawn_input(1, 75, 61, torch::kFloat32);
   const int threads = at::get_num_threads();
   std::vector<torch::Tensor> first;
   for (const int count : {1, 2, 3, 5, 2}) {
     at::set_num_threads(count);
-    const auto now = gradients(router, images, true);
+    const auto now = gradients(router, input, true);
     if (first.empty()) {
       for (const torch::Tensor& tensor : now) first.push_back(tensor.clone());
     }
@@ -120,16 +110,16 @@ TEST_CASE("router on the CPU: the same bits for any number of threads", "[router
 
 TEST_CASE("router on the CPU: NaN stays visible, and only asked gradients are made", "[router]") {
   Router router = drawn_router(torch::kFloat32);
-  Images images = drawn_images(1, 9, 9, torch::kFloat32);
-  images.blurry[0][1][4][4] = std::numeric_limits<float>::quiet_NaN();
-  CHECK(std::isnan(router->logits(images.blurry, images.psi)[0][0][4][4].item<float>()));
-  images.blurry[0][1][4][4] = 0;
+  torch::Tensor input = drawn_input(1, 9, 9, torch::kFloat32);
+  input[0][1][4][4] = std::numeric_limits<float>::quiet_NaN();
+  CHECK(std::isnan(router->logits(input)[0][0][4][4].item<float>()));
+  input[0][1][4][4] = 0;
   router->head2->weight.set_requires_grad(false);
-  router->logits(images.blurry, images.psi).sum().backward();
+  router->logits(input).sum().backward();
   CHECK_FALSE(router->head2->weight.grad().defined());
   CHECK(router->event1->weight.grad().defined());
   const torch::NoGradGuard no_grad;
-  CHECK_FALSE(router->logits(images.blurry, images.psi).requires_grad());
+  CHECK_FALSE(router->logits(input).requires_grad());
 }
 
 /// One small convolution and its weight gradient, by the selected kernels.

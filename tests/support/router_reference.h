@@ -51,8 +51,8 @@ inline torch::Tensor rounded_last_layer(const torch::Tensor& in, const torch::Te
 }
 
 /// Reference of cuda::router_logits(), in float64.
-inline torch::Tensor rounded_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
-                                    const RouterWeights& w) {
+inline torch::Tensor rounded_logits(const torch::Tensor& input, const RouterWeights& w) {
+  const torch::Tensor blurry = input.narrow(1, 0, 3), psi = input.narrow(1, 3, 2);
   const torch::Tensor events = rounded_layer(rounded_layer(psi, w.event1, {}), w.event2, {});
   const torch::Tensor image =
       rounded_layer(rounded_layer(blurry, w.image1, w.image1_bias), w.image2, w.image2_bias);

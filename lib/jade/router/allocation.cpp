@@ -14,9 +14,8 @@ class RoutedAllocation : public Allocation {
   RoutedAllocation(at::Generator generator, bool sigmoid)
       : router_(register_module("router", Router(std::move(generator)))), sigmoid_(sigmoid) {}
 
-  torch::Tensor forward(const AllocationInput& input) override {
-    const torch::Tensor logits =
-        router_->logits(input.blurry.unsqueeze(0), input.psi.unsqueeze(0)).squeeze(0);
+  torch::Tensor forward(const torch::Tensor& measured, int64_t) override {
+    const torch::Tensor logits = router_->logits(measured.unsqueeze(0)).squeeze(0);
     return sigmoid_ ? logits.sigmoid() : logits;
   }
 
@@ -29,9 +28,8 @@ class ConstantAllocation : public Allocation {
  public:
   explicit ConstantAllocation(double value) : value_(value) {}
 
-  torch::Tensor forward(const AllocationInput& input) override {
-    return torch::full({1, input.blurry.size(1), input.blurry.size(2)}, value_,
-                       input.blurry.options());
+  torch::Tensor forward(const torch::Tensor& measured, int64_t) override {
+    return torch::full({1, measured.size(1), measured.size(2)}, value_, measured.options());
   }
 
  private:
@@ -42,8 +40,8 @@ class GlobalScalarAllocation : public Allocation {
  public:
   GlobalScalarAllocation() : logit_(register_parameter("logit", torch::zeros({1}))) {}
 
-  torch::Tensor forward(const AllocationInput& input) override {
-    return logit_.sigmoid().view({1, 1, 1}).expand({1, input.blurry.size(1), input.blurry.size(2)});
+  torch::Tensor forward(const torch::Tensor& measured, int64_t) override {
+    return logit_.sigmoid().view({1, 1, 1}).expand({1, measured.size(1), measured.size(2)});
   }
 
  private:
@@ -60,10 +58,10 @@ class PerViewAllocation : public Allocation {
     }
   }
 
-  torch::Tensor forward(const AllocationInput& input) override {
-    JADE_CHECK(input.view >= 0 && input.view < static_cast<int64_t>(logits_.size()),
-               "per_view_map: view ", input.view, " of ", logits_.size());
-    return logits_[static_cast<size_t>(input.view)].sigmoid();
+  torch::Tensor forward(const torch::Tensor&, int64_t view) override {
+    JADE_CHECK(view >= 0 && view < static_cast<int64_t>(logits_.size()), "per_view_map: view ",
+               view, " of ", logits_.size());
+    return logits_[static_cast<size_t>(view)].sigmoid();
   }
 
  private:

@@ -42,18 +42,13 @@ void describe(V& v, AllocationOptions& o) {
   v.field("constant", o.constant, "α for kind constant", Range{0, 1});
 }
 
-/// Inputs of an allocation: measurements, never restorations.
-struct AllocationInput {
-  torch::Tensor blurry;  ///< [3,H,W]
-  torch::Tensor psi;     ///< [2,H,W], Ψ(V)
-  int64_t view = 0;      ///< index among the training views
-};
-
 /// Interface of θ. `parameters()` is empty if nothing is learned.
 class Allocation : public torch::nn::Module {
  public:
   /// α [1,H,W], differentiable in the parameters; in [0,1] for every kind but router_no_sigmoid.
-  virtual torch::Tensor forward(const AllocationInput& input) = 0;
+  /// @param measured  [5,H,W], X_in of Eq. (2): B, then Ψ(V). Never a restoration.
+  /// @param view      index among the training views
+  virtual torch::Tensor forward(const torch::Tensor& measured, int64_t view) = 0;
   bool trainable() const { return !parameters().empty(); }
 };
 

@@ -27,8 +27,8 @@ struct Span {
 
 /// Stores the sums of a pixel, with `stride` between them.
 struct Store {
-  float* to;  ///< [N,channels,H,W]
-  int channels;
+  float* to;          ///< [N,channels,H,W]; may start at a later channel
+  int channels;       ///< of the tensor
   const float* bias;  ///< null: none
   bool relu, add;
 
@@ -304,17 +304,17 @@ void forward(const Network& net, cudaStream_t stream) {
   const Size size{net.height, net.width};
   const int64_t plane = int64_t{net.height} * net.width;
   using Image = ImageSource<0>;
-  run(run.make<Image1>(kImage1, Image{size, net.blurry, 3, nullptr},
+  run(run.make<Image1>(kImage1, Image{size, net.input, kInputPlanes},
                        Store{net.image1, 10, net.bias[kImage1], true, false}),
-      run.make<Event1>(kEvent1, Image{size, net.psi, 2, nullptr},
+      run.make<Event1>(kEvent1, Image{size, net.input + 3 * plane, kInputPlanes},
                        Store{net.event1, 16, nullptr, true, false}));
-  run(run.make<Event2>(kEvent2, Image{size, net.event1, 16, nullptr},
+  run(run.make<Event2>(kEvent2, Image{size, net.event1, 16},
                        Store{net.features, 14, nullptr, true, false}),
-      run.make<Image2>(kImage2, Image{size, net.image1, 10, nullptr},
+      run.make<Image2>(kImage2, Image{size, net.image1, 10},
                        Store{net.features + 6 * plane, 14, net.bias[kImage2], true, false}));
-  run(run.make<Head1>(kHead1, ImageSource<3>{size, net.features, 14, net.blurry},
+  run(run.make<Head1>(kHead1, ImageSource<3>{size, net.features, 14, net.input},
                       Store{net.head1, 9, nullptr, true, false}));
-  run(run.make<Head2>(kHead2, Image{size, net.head1, 9, nullptr},
+  run(run.make<Head2>(kHead2, Image{size, net.head1, 9},
                       StoreLogits{net.head2, net.weights[kHead3], net.bias[kHead3], net.logits}));
 }
 
@@ -339,11 +339,10 @@ void backward(const Network& net, const NetworkGradient& of, cudaStream_t stream
   run(run.make<OfImage1, true>(kOfImage1, image2, to(of.of_image1, 10)),
       run.make<OfEvent1, true>(kOfEvent1, event2, to(of.of_event1, 16)));
   weight_gradients(net, of, WeightGroup::kFirst, stream);
-  if (of.of_blurry != nullptr) {
-    run(run.make<HeadOfBlurry, true>(kHeadOfBlurry, head1, to(of.of_blurry, 3)));
-    run(run.make<OfBlurry, true>(kOfBlurry, image1, to(of.of_blurry, 3, true)));
-  }
-  if (of.of_psi != nullptr) run(run.make<OfPsi, true>(kOfPsi, event1, to(of.of_psi, 2)));
+  if (of.of_input == nullptr) return;
+  run(run.make<HeadOfBlurry, true>(kHeadOfBlurry, head1, to(of.of_input, kInputPlanes)));
+  run(run.make<OfBlurry, true>(kOfBlurry, image1, to(of.of_input, kInputPlanes, true)));
+  run(run.make<OfPsi, true>(kOfPsi, event1, to(of.of_input + 3 * plane, kInputPlanes)));
 }
 
 }  // namespace jade::router::cuda

@@ -13,8 +13,7 @@ enum Layer { kEvent1, kEvent2, kImage1, kImage2, kHead1, kHead2, kHead3, kLayers
 /// All contiguous float32 on the device. Layers write their outputs after ReLU, except the logits.
 struct Network {
   int batch = 1, height = 0, width = 0;
-  const float* blurry = nullptr;       ///< [N,3,H,W]
-  const float* psi = nullptr;          ///< [N,2,H,W]
+  const float* input = nullptr;        ///< [N,5,H,W], X_in: B, then Ψ(V)
   const float* weights[kLayers] = {};  ///< [out,in,K,K]
   const float* bias[kLayers] = {};     ///< [out]: of image1, image2 and head3
   uint32_t* prepared = nullptr;        ///< [prepared_words()], the weights in the kernels' order
@@ -34,8 +33,7 @@ struct NetworkGradient {
   float* of_image1 = nullptr;        ///< [N,10,H,W]
   float* partial = nullptr;          ///< [partial_rows(), weight_count()]
   float* of_weights = nullptr;       ///< [weight_count()]: each layer's weights, then its bias
-  float* of_blurry = nullptr;        ///< [N,3,H,W]; null: not required
-  float* of_psi = nullptr;           ///< [N,2,H,W]; null: not required
+  float* of_input = nullptr;         ///< [N,5,H,W]; null: not required
 };
 
 /// Words of Network::prepared, whose address must be a multiple of 16.

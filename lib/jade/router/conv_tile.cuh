@@ -13,6 +13,7 @@
 namespace jade::router::cuda {
 
 constexpr int kTileX = 32, kTileY = 8;
+constexpr int kInputPlanes = 5;  ///< planes of X_in
 
 JADE_HD constexpr int round_up(int value, int step) { return (value + step - 1) / step * step; }
 
@@ -61,23 +62,24 @@ struct Size {
   __device__ bool has(int y, int x) const { return y >= 0 && y < height && x >= 0 && x < width; }
 };
 
-/// A layer's input with its edge replicated: the first FIRST channels from one tensor, the rest
-/// from another.
+/// A layer's input with its edge replicated: the first FIRST channels from X_in, the rest from
+/// another tensor.
 template <int FIRST>
 struct ImageSource {
   Size size;
-  const float* rest;  ///< [N,channels,H,W]
-  int channels;
-  const float* first;  ///< [N,FIRST,H,W]
+  const float* rest;             ///< [N,channels,H,W]; may start at a later channel
+  int channels;                  ///< of the tensor of `rest`
+  const float* first = nullptr;  ///< [N,5,H,W]; needed for FIRST > 0
 
   template <int COUNT>
   __device__ __forceinline__ void read(int image, int y, int x, float (&values)[COUNT]) const {
     const int64_t plane = size.plane();
     const uint32_t offset = size.nearest(y, x);
-    const float* from = first + image * FIRST * plane;
+    const float* const later = rest + image * channels * plane;
+    const float* from = FIRST > 0 ? first + image * kInputPlanes * plane : later;
 #pragma unroll
     for (int c = 0; c < COUNT; ++c) {
-      if (c == FIRST) from = rest + image * channels * plane;
+      if (c == FIRST) from = later;
       values[c] = __ldg(from + offset);
       from += plane;
     }

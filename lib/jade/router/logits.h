@@ -15,13 +15,11 @@ struct RouterWeights {
 
 namespace cpu {
 
-/// One operation for all layers. Differentiable once, in every weight and both inputs. float or
+/// One operation for all layers. Differentiable once, in every weight and the input. float or
 /// double, all tensors of one type. Any number of threads gives the same bits.
-/// @param blurry  [N,3,H,W]
-/// @param psi     [N,2,H,W]
+/// @param input  [N,5,H,W], X_in
 /// @return [N,1,H,W]
-torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
-                            const RouterWeights& weights);
+torch::Tensor router_logits(const torch::Tensor& input, const RouterWeights& weights);
 
 }  // namespace cpu
 
@@ -30,8 +28,7 @@ namespace cuda {
 /// CUDA version of router_logits(). float32 only. Factors of products are rounded to 11 bits, as by
 /// torch's convolutions in TF32, and summed in float32 (README.md).
 /// @throws ContractError for other shapes or types, DeviceError if a kernel does not start.
-torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
-                            const RouterWeights& weights);
+torch::Tensor router_logits(const torch::Tensor& input, const RouterWeights& weights);
 
 }  // namespace cuda
 

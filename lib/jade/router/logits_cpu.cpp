@@ -37,8 +37,7 @@ constexpr int64_t kBandRows = 8;
 
 /// The order of the operation's tensors.
 enum Input : size_t {
-  kBlurry,
-  kPsi,
+  kInput,
   kEvent1,
   kEvent2,
   kImage1,
@@ -152,16 +151,7 @@ void fold_border(const Planes<T>& padded, const Planes<T>& passed, const Planes<
 }
 
 /// Activations stored for the backward pass, in the order of Layers::make_shapes().
-enum Activation : size_t {
-  kPsiIn,
-  kBlurryIn,
-  kEvents,
-  kImage,
-  kJoined,
-  kHidden1,
-  kHidden2,
-  kActivations
-};
+enum Activation : size_t { kMeasured, kEvents, kImage, kJoined, kHidden1, kHidden2, kActivations };
 
 /// The layers of one pass. `inputs` must outlive it.
 template <class T>
@@ -176,8 +166,7 @@ class Layers {
     const auto shape = [&](int64_t channels, int64_t pad) {
       return Stored<T>{{nullptr, channels, height(), width(), pad}, {}};
     };
-    return {shape(2, 2),  shape(3, 2), shape(16, 2), shape(10, 2),
-            shape(17, 1), shape(9, 1), shape(24, 0)};
+    return {shape(5, 2), shape(16, 2), shape(10, 2), shape(17, 1), shape(9, 1), shape(24, 0)};
   }
 
   Activations make_activations() const {
@@ -187,17 +176,16 @@ class Layers {
   }
 
   void forward(int64_t n, const Activations& to, torch::Tensor& logits) const {
-    const T* const blurry = in_[kBlurry].const_data_ptr<T>() + n * 3 * height() * width();
-    const T* const psi = in_[kPsi].const_data_ptr<T>() + n * 2 * height() * width();
+    const T* const input = in_[kInput].const_data_ptr<T>() + n * 5 * height() * width();
+    const Planes<T>& measured = to[kMeasured].planes;
     const Planes<T>& joined = to[kJoined].planes;
     for_bands(height(), [&](int64_t, Band band) {
-      copy_in(psi, to[kPsiIn].planes, band);
-      copy_in(blurry, to[kBlurryIn].planes, band);
-      copy_in(blurry, joined.slice(0, 3), band);
+      copy_in(input, measured, band);
+      copy_in(input, joined.slice(0, 3), band);
     });
-    layer(to[kPsiIn].planes, to[kEvents].planes, kEvent1, kNoBias);
+    layer(measured.slice(3, 2), to[kEvents].planes, kEvent1, kNoBias);
     layer(to[kEvents].planes, joined.slice(3, 6), kEvent2, kNoBias);
-    layer(to[kBlurryIn].planes, to[kImage].planes, kImage1, kImage1Bias);
+    layer(measured.slice(0, 3), to[kImage].planes, kImage1, kImage1Bias);
     layer(to[kImage].planes, joined.slice(9, 8), kImage2, kImage2Bias);
     layer(joined, to[kHidden1].planes, kHead1, kNoBias);
     layer(to[kHidden1].planes, to[kHidden2].planes, kHead2, kNoBias);
@@ -206,7 +194,7 @@ class Layers {
     copy_out(last.planes, logits, n);
   }
 
-  /// Adds sample n's weight gradients to `grads`, in double; writes those of the inputs.
+  /// Adds sample n's weight gradients to `grads`, in double; writes that of the input.
   void backward(int64_t n, const Activations& at, const torch::Tensor& of_logits,
                 variable_list& grads) const {
     const Stored<T> of_head3 = stored(1, 0);
@@ -221,6 +209,8 @@ class Layers {
     const Stored<T> of_events = stored(6, 4), of_image = stored(8, 4);
     const Stored<T> of_event1 = stored(16, 4), of_image1 = stored(10, 4);
     const Planes<T> joined = at[kJoined].planes;
+    const Planes<T> blurry = at[kMeasured].planes.slice(0, 3);
+    const Planes<T> psi = at[kMeasured].planes.slice(3, 2);
 
     weights(at[kHidden2].planes, of_head3.planes, kHead3, kHead3Bias, grads);
     inputs(of_head3.planes, kHead3, 0, at[kHidden2].planes, of_head2.planes);
@@ -231,29 +221,23 @@ class Layers {
     inputs(of_head1.planes, kHead1, 9, joined.slice(9, 8), of_image.planes);
     weights(at[kEvents].planes, of_events.planes, kEvent2, kNoBias, grads);
     inputs(of_events.planes, kEvent2, 0, at[kEvents].planes, of_event1.planes);
-    weights(at[kPsiIn].planes, of_event1.planes, kEvent1, kNoBias, grads);
+    weights(psi, of_event1.planes, kEvent1, kNoBias, grads);
     weights(at[kImage].planes, of_image.planes, kImage2, kImage2Bias, grads);
     inputs(of_image.planes, kImage2, 0, at[kImage].planes, of_image1.planes);
-    weights(at[kBlurryIn].planes, of_image1.planes, kImage1, kImage1Bias, grads);
+    weights(blurry, of_image1.planes, kImage1, kImage1Bias, grads);
 
-    if (grads[kPsi].defined()) {
-      const Stored<T> out = stored(2, 0);
-      inputs(of_event1.planes, kEvent1, 0, without_relu(at[kPsiIn].planes), out.planes);
-      copy_out(out.planes, grads[kPsi], n);
-    }
-    if (grads[kBlurry].defined()) {
-      const Stored<T> through_encoder = stored(3, 0), direct = stored(3, 0);
-      inputs(of_image1.planes, kImage1, 0, without_relu(at[kBlurryIn].planes),
-             through_encoder.planes);
-      inputs(of_head1.planes, kHead1, 0, without_relu(joined.slice(0, 3)), direct.planes);
-      through_encoder.memory.add_(direct.memory);
-      copy_out(through_encoder.planes, grads[kBlurry], n);
-    }
+    if (!grads[kInput].defined()) return;
+    const Stored<T> of_input = stored(5, 0), direct = stored(3, 0);
+    inputs(of_image1.planes, kImage1, 0, without_relu(blurry), of_input.planes.slice(0, 3));
+    inputs(of_event1.planes, kEvent1, 0, without_relu(psi), of_input.planes.slice(3, 2));
+    inputs(of_head1.planes, kHead1, 0, without_relu(joined.slice(0, 3)), direct.planes);
+    of_input.memory.narrow(0, 0, direct.memory.numel()).add_(direct.memory);
+    copy_out(of_input.planes, grads[kInput], n);
   }
 
  private:
-  int64_t height() const { return in_[kBlurry].size(2); }
-  int64_t width() const { return in_[kBlurry].size(3); }
+  int64_t height() const { return in_[kInput].size(2); }
+  int64_t width() const { return in_[kInput].size(3); }
 
   Stored<T> stored(int64_t channels, int64_t pad) const {
     Stored<T> made{{nullptr, channels, height(), width(), pad}, {}};
@@ -262,8 +246,7 @@ class Layers {
   }
 
   void allocate(Stored<T>& stored) const {
-    stored.attach(
-        torch::empty({stored.planes.size()}, in_[kBlurry].options().requires_grad(false)));
+    stored.attach(torch::empty({stored.planes.size()}, in_[kInput].options().requires_grad(false)));
   }
 
   /// Planes of that shape without ReLU output.
@@ -360,9 +343,9 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
                                bool needs_backward) {
     variable_list inputs;
     for (const torch::Tensor& tensor : given) inputs.push_back(tensor.contiguous());
-    auto shape = inputs[kBlurry].sizes().vec();
+    auto shape = inputs[kInput].sizes().vec();
     shape[1] = 1;
-    torch::Tensor logits = torch::empty(shape, inputs[kBlurry].options().requires_grad(false));
+    torch::Tensor logits = torch::empty(shape, inputs[kInput].options().requires_grad(false));
     variable_list saved = inputs;
     AT_DISPATCH_FLOATING_TYPES(logits.scalar_type(), "router", [&] {
       const Layers<scalar_t> layers(inputs);
@@ -384,7 +367,7 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
     variable_list grads(kInputs + 1);
     for (size_t i = 0; i < kInputs; ++i) {
       // Sums over the image stay in double until they are complete.
-      const auto type = i == kBlurry || i == kPsi ? inputs[i].scalar_type() : torch::kFloat64;
+      const auto type = i == kInput ? inputs[i].scalar_type() : torch::kFloat64;
       if (context->needs_input_grad(i)) grads[i] = torch::zeros_like(inputs[i], type);
     }
     AT_DISPATCH_FLOATING_TYPES(of_logits.scalar_type(), "router_backward", [&] {
@@ -406,14 +389,13 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
 
 }  // namespace
 
-torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
-                            const RouterWeights& w) {
-  const variable_list inputs = {blurry,   psi,           w.event1, w.event2,
-                                w.image1, w.image1_bias, w.image2, w.image2_bias,
-                                w.head1,  w.head2,       w.head3,  w.head3_bias};
+torch::Tensor router_logits(const torch::Tensor& input, const RouterWeights& w) {
+  const variable_list inputs = {input,         w.event1, w.event2,      w.image1,
+                                w.image1_bias, w.image2, w.image2_bias, w.head1,
+                                w.head2,       w.head3,  w.head3_bias};
   bool needs_backward = false;
   for (const torch::Tensor& tensor : inputs) {
-    check_dtype(tensor, "router: every tensor", blurry.scalar_type());
+    check_dtype(tensor, "router: every tensor", input.scalar_type());
     needs_backward |= torch::GradMode::is_enabled() && tensor.requires_grad();
   }
   return RouterFunction::apply(at::TensorList(inputs), needs_backward);

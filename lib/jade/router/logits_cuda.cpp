@@ -16,8 +16,8 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-/// Inputs, then weights, then biases: the order of all autograd inputs.
-enum Input { kBlurry, kPsi, kWeights, kBiases = kWeights + kLayers, kInputs = kBiases + 3 };
+/// X_in, then weights, then biases: the order of all autograd inputs.
+enum Input { kInput, kWeights, kBiases = kWeights + kLayers, kInputs = kBiases + 3 };
 constexpr Layer kBiased[] = {kImage1, kImage2, kHead3};
 
 /// Outputs of layers.
@@ -36,12 +36,11 @@ float* data(const torch::Tensor& tensor) {
 Network network_of(const variable_list& inputs, const torch::Tensor& prepared,
                    const Activations& activations) {
   Network net;
-  const torch::Tensor& blurry = inputs[kBlurry];
-  net.batch = static_cast<int>(blurry.size(0));
-  net.height = static_cast<int>(blurry.size(2));
-  net.width = static_cast<int>(blurry.size(3));
-  net.blurry = blurry.const_data_ptr<float>();
-  net.psi = inputs[kPsi].const_data_ptr<float>();
+  const torch::Tensor& input = inputs[kInput];
+  net.batch = static_cast<int>(input.size(0));
+  net.height = static_cast<int>(input.size(2));
+  net.width = static_cast<int>(input.size(3));
+  net.input = input.const_data_ptr<float>();
   for (int i = 0; i < kLayers; ++i) net.weights[i] = inputs[kWeights + i].const_data_ptr<float>();
   for (int i = 0; i < 3; ++i) net.bias[kBiased[i]] = inputs[kBiases + i].const_data_ptr<float>();
   net.prepared = reinterpret_cast<uint32_t*>(prepared.mutable_data_ptr<int32_t>());
@@ -60,7 +59,7 @@ struct Answer {
 
 /// @param keep  whether to store head2's output for backward()
 Answer run_forward(const variable_list& inputs, bool keep) {
-  const torch::Tensor& like = inputs[kBlurry];
+  const torch::Tensor& like = inputs[kInput];
   const c10::cuda::CUDAGuard guard(like.device());
   Answer answer{planes(like, 1),
                 torch::empty({prepared_words()}, like.options().dtype(torch::kInt32)),
@@ -82,27 +81,28 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
     const Answer answer = run_forward(saved, needs_backward);
     if (!needs_backward) return answer.logits;
     const Activations& kept = answer.activations;
-    saved.insert(saved.end(), {answer.prepared, kept.event1, kept.image1, kept.features, kept.head1,
-                               kept.head2});
+    for (const torch::Tensor& each :
+         {answer.prepared, kept.event1, kept.image1, kept.features, kept.head1, kept.head2}) {
+      saved.push_back(each);
+    }
     context->save_for_backward(saved);
     return answer.logits;
   }
 
   static variable_list backward(AutogradContext* context, variable_list gradients) {
     const variable_list saved = context->get_saved_variables();
-    const torch::Tensor& blurry = saved[kBlurry];
-    const c10::cuda::CUDAGuard guard(blurry.device());
+    const torch::Tensor& input = saved[kInput];
+    const c10::cuda::CUDAGuard guard(input.device());
     const torch::Tensor* const kept = &saved[kInputs];
     const Network net = network_of(saved, kept[0], {kept[1], kept[2], kept[3], kept[4], kept[5]});
     const torch::Tensor of_logits = gradients[0].contiguous();
     const Activations of_outputs{
-        planes(blurry, 16), planes(blurry, 10), planes(blurry, 14), planes(blurry, 9), {}};
+        planes(input, 16), planes(input, 10), planes(input, 14), planes(input, 9), {}};
     const torch::Tensor partial =
-        torch::empty({partial_rows(net), weight_count()}, blurry.options());
-    const torch::Tensor of_weights = torch::empty({weight_count()}, blurry.options());
-    torch::Tensor of_blurry, of_psi;
-    if (context->needs_input_grad(kBlurry)) of_blurry = torch::empty_like(blurry);
-    if (context->needs_input_grad(kPsi)) of_psi = torch::empty_like(saved[kPsi]);
+        torch::empty({partial_rows(net), weight_count()}, input.options());
+    const torch::Tensor of_weights = torch::empty({weight_count()}, input.options());
+    torch::Tensor of_input;
+    if (context->needs_input_grad(kInput)) of_input = torch::empty_like(input);
     NetworkGradient of;
     of.of_logits = of_logits.const_data_ptr<float>();
     of.of_event1 = data(of_outputs.event1);
@@ -111,10 +111,9 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
     of.of_head1 = data(of_outputs.head1);
     of.partial = data(partial);
     of.of_weights = data(of_weights);
-    of.of_blurry = data(of_blurry);
-    of.of_psi = data(of_psi);
+    of.of_input = data(of_input);
     const cudaStream_t stream = c10::cuda::getCurrentCUDAStream();
-    kernel::SideStream side(blurry.is_cuda() ? blurry.get_device() : -1);
+    kernel::SideStream side(input.is_cuda() ? input.get_device() : -1);
     cuda::backward(net, of, stream, [&side](const std::function<void(cudaStream_t)>& work) {
       side.follow();
       side.run([&work] { work(c10::cuda::getCurrentCUDAStream()); });
@@ -123,7 +122,7 @@ class RouterFunction : public torch::autograd::Function<RouterFunction> {
     sum_weights(net, of, stream);
     kernel::check_launch("the router, backward");
 
-    variable_list out{of_blurry, of_psi};
+    variable_list out{of_input};
     for (int i = 0; i < kLayers; ++i) {
       const torch::Tensor& weights = saved[kWeights + i];
       out.push_back(of_weights.narrow(0, weights_begin(static_cast<Layer>(i)), weights.numel())
@@ -145,10 +144,8 @@ void check(const torch::Tensor& tensor, const char* what, const std::vector<int6
 
 }  // namespace
 
-torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& psi,
-                            const RouterWeights& w) {
-  check(blurry, "router input", {-1, 3, -1, -1});
-  check(psi, "router input", {blurry.size(0), 2, blurry.size(2), blurry.size(3)});
+torch::Tensor router_logits(const torch::Tensor& input, const RouterWeights& w) {
+  check(input, "router input", {-1, 5, -1, -1});
   check(w.event1, "router weights", {16, 2, 5, 5});
   check(w.event2, "router weights", {6, 16, 5, 5});
   check(w.image1, "router weights", {10, 3, 5, 5});
@@ -159,9 +156,9 @@ torch::Tensor router_logits(const torch::Tensor& blurry, const torch::Tensor& ps
   check(w.image1_bias, "router bias", {10});
   check(w.image2_bias, "router bias", {8});
   check(w.head3_bias, "router bias", {1});
-  const variable_list inputs = {blurry,   psi,           w.event1,      w.event2,
-                                w.image1, w.image2,      w.head1,       w.head2,
-                                w.head3,  w.image1_bias, w.image2_bias, w.head3_bias};
+  const variable_list inputs = {input,         w.event1,      w.event2,    w.image1,
+                                w.image2,      w.head1,       w.head2,     w.head3,
+                                w.image1_bias, w.image2_bias, w.head3_bias};
   const bool needs_backward =
       torch::GradMode::is_enabled() &&
       std::any_of(inputs.begin(), inputs.end(),

@@ -57,26 +57,22 @@ RouterImpl::RouterImpl(at::Generator generator) {
   }
 }
 
-torch::Tensor RouterImpl::logits(const torch::Tensor& blurry, const torch::Tensor& psi) {
-  check_shape(blurry, "router: blurry frame", {-1, 3, -1, -1});
-  check_shape(psi, "router: event projection", {blurry.size(0), 2, blurry.size(2), blurry.size(3)});
-  if (blurry.is_cpu()) return cpu::router_logits(blurry, psi, weights_of(*this));
-  if (!blurry.is_cuda() || blurry.scalar_type() != torch::kFloat32) {
-    return logits_by_layers(blurry, psi);
-  }
+torch::Tensor RouterImpl::logits(const torch::Tensor& input) {
+  check_shape(input, "router: input", {-1, 5, -1, -1});
+  if (input.is_cpu()) return cpu::router_logits(input, weights_of(*this));
+  if (!input.is_cuda() || input.scalar_type() != torch::kFloat32) return logits_by_layers(input);
   return kernel::on_cuda("the router",
-                         [&] { return cuda::router_logits(blurry, psi, weights_of(*this)); });
+                         [&] { return cuda::router_logits(input, weights_of(*this)); });
 }
 
-torch::Tensor RouterImpl::logits_by_layers(const torch::Tensor& blurry, const torch::Tensor& psi) {
+torch::Tensor RouterImpl::logits_by_layers(const torch::Tensor& input) {
+  const torch::Tensor blurry = input.narrow(1, 0, 3), psi = input.narrow(1, 3, 2);
   const torch::Tensor events = event2(event1(psi).relu_()).relu_();
   const torch::Tensor image = image2(image1(blurry).relu_()).relu_();
   const torch::Tensor hidden = head1(torch::cat({blurry, events, image}, 1)).relu_();
   return head3(head2(hidden).relu_());
 }
 
-torch::Tensor RouterImpl::forward(const torch::Tensor& blurry, const torch::Tensor& psi) {
-  return logits(blurry, psi).sigmoid();
-}
+torch::Tensor RouterImpl::forward(const torch::Tensor& input) { return logits(input).sigmoid(); }
 
 }  // namespace jade::router

@@ -311,14 +311,14 @@ void weight_gradients(const Network& net, const NetworkGradient& of, WeightGroup
   const Size size{net.height, net.width};
   const int64_t second = 6 * size.plane();  // of the features: image2's
   const auto image = [&](const float* at, int channels) {
-    return ImageSource<0>{size, at, channels, nullptr};
+    return ImageSource<0>{size, at, channels};
   };
   const AllLayers layers{
-      {image(net.psi, 2), {size, of.of_event1, net.event1, 16}},
+      {image(net.input + 3 * size.plane(), kInputPlanes), {size, of.of_event1, net.event1, 16}},
       {image(net.event1, 16), {size, of.of_features, net.features, 14}},
-      {image(net.blurry, 3), {size, of.of_image1, net.image1, 10}},
+      {image(net.input, kInputPlanes), {size, of.of_image1, net.image1, 10}},
       {image(net.image1, 10), {size, of.of_features + second, net.features + second, 14}},
-      {{size, net.features, 14, net.blurry}, {size, of.of_head1, net.head1, 9}},
+      {{size, net.features, 14, net.input}, {size, of.of_head1, net.head1, 9}},
       {image(net.head1, 9), {size, of.of_logits, net.head2, net.weights[kHead3]}},
       {image(net.head2, 24), {size, of.of_logits, nullptr, 1}}};
   const dim3 grid(layers_in(group), static_cast<unsigned>(partial_rows(net)));

@@ -72,8 +72,8 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index,
   c.edi = found.restorations.edi.cpu();
   if (found.restorations.efnet.defined()) c.efnet = found.restorations.efnet.cpu();
   if (allocation_) {
-    c.alpha = allocation_->forward(
-        {exposure.blurry, events::polarity_projection(found.maps.voxel.values), index});
+    const auto psi = events::polarity_projection(found.maps.voxel.values);
+    c.alpha = allocation_->forward(torch::cat({exposure.blurry, psi}), index);
   }
   for (size_t k = 0; k < times.size(); ++k) {
     const torch::Tensor gain = restore::gain_at(found, how, {times[k]}).cpu();
@@ -85,7 +85,7 @@ Restored Deblurrer::restore(const data::Exposure& exposure, int64_t index,
     }
     if (allocation_) {
       const auto psi = events::polarity_projection(found.maps.voxel.values, times[k]);
-      at.alpha = allocation_->forward({exposure.blurry, psi, index});
+      at.alpha = allocation_->forward(torch::cat({exposure.blurry, psi}), index);
     }
     restored.at.push_back(std::move(at));
   }

@@ -7,7 +7,8 @@ namespace jade::train {
 
 torch::Tensor routing_alpha(TrainState& state, const StepInputs& inputs, const StepPlan& plan) {
   if (!plan.route) return {};
-  return state.allocation->forward({inputs.view.blurry, inputs.view.psi, inputs.view_index});
+  const View& view = inputs.view;
+  return state.allocation->forward(torch::cat({view.blurry, view.psi}), inputs.view_index);
 }
 
 RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torch::Tensor& alpha,
@@ -26,7 +27,7 @@ RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torc
 torch::Tensor allocation_map(TrainState& state, const View& view, int64_t view_index) {
   if (!state.allocation) return {};
   const torch::NoGradGuard no_grad;
-  return state.allocation->forward({view.blurry, view.psi, view_index});
+  return state.allocation->forward(torch::cat({view.blurry, view.psi}), view_index);
 }
 
 torch::Tensor scene_target(TrainState& state, const View& view, int64_t view_index) {
