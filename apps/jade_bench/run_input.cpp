@@ -40,7 +40,7 @@ void write_training_views(const train::ViewBank& bank, const std::filesystem::pa
   for (int64_t i = 0; i < bank.size(); ++i) {
     const train::View view = bank.step_view(i);
     if (!view.fixed_target.defined()) throw_not_fixed();
-    blurry.push_back(view.blurry.cpu());
+    blurry.push_back(view.blurry().cpu());
     factors.push_back(bank.edi_factors(i).to(torch::kCPU, torch::kFloat32));
     targets.push_back(view.fixed_target.cpu());
     cameras.push_back(view.cameras.camera_from_world);

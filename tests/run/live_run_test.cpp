@@ -283,7 +283,7 @@ TEST_CASE("live_run: pauses and goes on; while paused it draws what is asked", "
   const Answer answer = queue.ask("a", picture, Seconds(10));
   REQUIRE(answer.kind == Answer::Kind::kRendered);
   CHECK(answer.rendered.step == 1);
-  CHECK(answer.rendered.image.equal(training.trainer.bank().picture_view(1).blurry));
+  CHECK(answer.rendered.image.equal(training.trainer.bank().picture_view(1).blurry()));
   picture.picture = "secret";
   CHECK(queue.ask("a", picture, Seconds(10)).kind == Answer::Kind::kFailed);
   CHECK(training.state()["step"] == 1);

@@ -141,7 +141,7 @@ TEST_CASE("monochrome: gray forced on coloured frames trains a gray scene", "[ru
   run::Trainer trainer(options, scene.dir.path() / "gray", "");
   const train::View view = trainer.bank().picture_view(0);
   CHECK(imaging::is_gray(view.restorations.efnet));
-  CHECK(imaging::is_gray(view.blurry));
+  CHECK(imaging::is_gray(view.blurry()));
   for (int i = 0; i < 10; ++i) trainer.step(), trainer.densify();
   CHECK(spread_of_state(trainer.state()) == 0);
 }

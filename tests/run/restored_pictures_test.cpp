@@ -77,8 +77,7 @@ TEST_CASE("restored pictures: a run's layers are those that it was trained with,
   CHECK(made(layers, "EDI").equal(view.restorations.edi));
   CHECK(made(layers, "EFNet").equal(view.restorations.efnet));
   const torch::NoGradGuard no_grad;
-  const torch::Tensor alpha =
-      ended.trainer.state().allocation->forward(torch::cat({view.blurry, view.psi}), 1);
+  const torch::Tensor alpha = ended.trainer.state().allocation->forward(view.measured, 1);
   CHECK(made(layers, "α").allclose(alpha.expand({1, 28, 36})));
   CHECK(made(layers, "fused").allclose(restore::fuse(alpha, view.restorations)));
   const torch::Tensor density = ended.trainer.bank().density(1);

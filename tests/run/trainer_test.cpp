@@ -39,7 +39,7 @@ TEST_CASE("trainer: a view without events trains", "[run]") {
   const int64_t last = trainer.bank().size() - 1;
   CHECK(trainer.bank().density(last).sum().item<double>() == 0);
   const train::View view = trainer.bank().picture_view(last);
-  CHECK(view.restorations.edi.allclose(view.blurry));
+  CHECK(view.restorations.edi.allclose(view.blurry()));
   for (int i = 0; i < 6; ++i) trainer.step(), trainer.densify();
   CHECK(trainer.state().gaussians.parameters().means.isfinite().all().item<bool>());
 }

@@ -16,13 +16,19 @@
 
 using namespace jade;
 
+namespace {
+
+torch::Tensor psi_of(const train::View& view) { return view.measured.narrow(0, 3, 2); }
+
+}  // namespace
+
 TEST_CASE("bank: Eq. (7) takes the paper's c, and with 0 the calibrated one", "[train]") {
   const test::TinyScene scene;
-  train::RunOptions options = test::tiny_options(scene);
+  train::RunOptions options = test::routed_options(scene);
   const data::Dataset dataset = data::load_dataset(options.dataset);
   const auto kernel = [&](double contrast) {
     options.route.reblur_contrast = contrast;
-    return train::ViewBank(dataset, options, torch::kCPU).picture_view(0).reblur_kernel;
+    return train::ViewBank(dataset, options, torch::kCPU).step_view(0).reblur_kernel;
   };
   options.events.threshold_positive = 0.3;
   options.events.threshold_negative = 0.2;
@@ -40,7 +46,7 @@ TEST_CASE("bank: each has the events of its own exposure, though they are summed
   test::TinyDatasetOptions data;
   data.exposures = 7;
   const test::TinyScene scene(data);
-  const train::RunOptions options = test::tiny_options(scene);
+  const train::RunOptions options = test::routed_options(scene);
   const data::Dataset dataset = data::load_dataset(options.dataset);
   const train::ViewBank bank(dataset, options, torch::kCPU);
   REQUIRE(bank.size() == 7);
@@ -49,9 +55,9 @@ TEST_CASE("bank: each has the events of its own exposure, though they are summed
     const events::ExposureMaps maps =
         events::map_exposure(exposure.events, {exposure.t_start_us, exposure.t_end_us}, 6,
                              {exposure.camera.height, exposure.camera.width});
-    CHECK(bank.picture_view(i).blurry.equal(exposure.blurry));
+    CHECK(bank.picture_view(i).blurry().equal(exposure.blurry));
     CHECK(bank.density(i).equal(maps.density));
-    CHECK(bank.picture_view(i).psi.equal(events::polarity_projection(maps.voxel.values)));
+    CHECK(psi_of(bank.picture_view(i)).equal(events::polarity_projection(maps.voxel.values)));
     CHECK_FALSE(bank.density(i).equal(bank.density((i + 1) % 7)));
   }
 }
@@ -121,7 +127,8 @@ TEST_CASE(
         at.restorations.efnet,
         network.restore(exposure.blurry, counts.positive - counts.negative, {u})[0], 0, rounding));
     CHECK(torch::allclose(at.restorations.edi, exposure.blurry * bank.edi_factors(1)[k]));
-    CHECK(at.psi.equal(events::polarity_projection(voxel.values, u)));
+    CHECK(psi_of(at).equal(events::polarity_projection(voxel.values, u)));
+    CHECK(at.blurry().equal(exposure.blurry));
     CHECK(at.reblur_kernel.equal(imaging::reblur_kernel(voxel, 0.25 * voxel.v_max, u)));
     CHECK_FALSE(at.fixed_target.defined());
   }
@@ -130,7 +137,7 @@ TEST_CASE(
   const train::View middle = bank.step_view(1, 4);
   CHECK(middle.restorations.edi.equal(view.restorations.edi));
   CHECK(torch::allclose(middle.restorations.efnet, view.restorations.efnet, 0, rounding));
-  CHECK(middle.psi.equal(view.psi));
+  CHECK(middle.measured.equal(view.measured));
   CHECK(middle.reblur_kernel.equal(view.reblur_kernel));
   CHECK_THROWS_AS(bank.step_view(1, 9), ContractError);
 }
@@ -143,7 +150,7 @@ TEST_CASE("bank: constants go to the device kind by kind as far as they fit", "[
   const data::Dataset dataset = data::load_dataset(options.dataset);
   const train::ViewBank all(dataset, options, torch::kCUDA);
   const train::ConstantBytes whole = all.bytes_on_device();
-  CHECK(whole.frames == 3 * all.size() * int64_t(all.picture_view(0).blurry.nbytes()));
+  CHECK(whole.frames == 3 * all.size() * int64_t(all.picture_view(0).measured.nbytes()));
   CHECK((whole.edi > 0 && whole.restorations > 0));
   // Enough bytes for the frames only, and none.
   for (const int64_t most : {whole.frames, int64_t{0}}) {
@@ -154,9 +161,9 @@ TEST_CASE("bank: constants go to the device kind by kind as far as they fit", "[
     CHECK(some.bytes_on_device().restorations == 0);
     for (const int64_t k : {0, 3, 8}) {
       const train::View a = all.step_view(1, k), b = some.step_view(1, k);
-      CHECK(a.blurry.is_cuda());
-      CHECK(a.blurry.equal(b.blurry));
-      CHECK(a.blurry_moments.square.equal(b.blurry_moments.square));
+      CHECK(a.measured.is_cuda());
+      CHECK(a.measured.equal(b.measured));
+      CHECK(a.window_square.equal(b.window_square));
       CHECK(a.fixed_target.equal(b.fixed_target));
       const losses::EdiFactors c = all.edi_factors(1, {k, 1, 2}),
                                d = some.edi_factors(1, {k, 1, 2});
@@ -166,7 +173,7 @@ TEST_CASE("bank: constants go to the device kind by kind as far as they fit", "[
   }
   options.objective.target = losses::Target::kRouted;
   const train::ViewBank routed(dataset, options, torch::kCUDA, {}, 0);
-  CHECK(routed.picture_view(1).blurry.is_cuda());
+  CHECK(routed.picture_view(1).measured.is_cuda());
 }
 
 TEST_CASE("bank: an exposure without length has one map for all moments", "[train]") {
@@ -202,7 +209,7 @@ TEST_CASE("bank: of three restored poses each is the one that nine would give", 
     const train::View a = nine.step_view(1, k), b = some.step_view(1, k);
     CHECK(torch::allclose(a.restorations.efnet, b.restorations.efnet, 0, 1e-3));
     CHECK(a.restorations.edi.equal(b.restorations.edi));
-    CHECK(a.psi.equal(b.psi));
+    CHECK(a.measured.equal(b.measured));
     CHECK(a.reblur_kernel.equal(b.reblur_kernel));
   }
   three.exposure.samples = 17;
@@ -228,7 +235,7 @@ TEST_CASE("bank: a fixed target at a pose is made of the restorations there", "[
   const restore::Restorations& restored = routed.restorations;
   const train::View mean = at(Target::kMean);
   CHECK(torch::allclose(mean.fixed_target, 0.5 * (restored.edi + restored.efnet)));
-  CHECK_FALSE(mean.psi.defined());
+  CHECK(mean.measured.size(0) == 3);
   CHECK(at(Target::kEfnet).fixed_target.equal(restored.efnet));
   CHECK(at(Target::kEdi).fixed_target.equal(restored.edi));
 }

@@ -34,18 +34,16 @@ struct Bench {
     state = train::make_state(options, dataset, device);
   }
 
-  /// Prepares the bank with EDI as the target, and views for a router.
+  /// Prepares the bank with α = 1, which reads no F, and views for a router.
   void prepare(torch::Device device) {
     train::RunOptions edi = options;
-    edi.objective.target = losses::Target::kEdi;
+    edi.objective.target = losses::Target::kRouted;
+    edi.allocation = {router::AllocationKind::kConstant, 1};
     bank = train::ViewBank(dataset, edi, device);
     views.clear();
     for (int64_t i = 0; i < bank.size(); ++i) {
       train::View view = bank.step_view(i);
-      const train::View middle = bank.picture_view(i);
-      view.psi = middle.psi.to(device);
-      view.reblur_kernel = middle.reblur_kernel.to(device);
-      view.restorations = {middle.restorations.edi.to(device), view.blurry};
+      view.restorations.efnet = view.blurry();
       view.fixed_target = torch::Tensor();
       views.push_back(view);
     }
@@ -54,7 +52,7 @@ struct Bench {
   train::StepInputs inputs(int64_t view, int64_t step) const {
     const torch::Tensor draws = torch::tensor({1, 2, 3}, torch::kInt64);
     const train::View& chosen = views[static_cast<size_t>(view)];
-    const torch::Device device = chosen.blurry.device();
+    const torch::Device device = chosen.measured.device();
     train::StepInputs in;
     in.step = step;
     in.view = chosen;
@@ -88,6 +86,14 @@ struct Bench {
     return out;
   }
 };
+
+/// Replaces the frame of a view for a router.
+inline void set_frame(train::View& view, const torch::Tensor& frame) {
+  const imaging::SsimTarget target = imaging::ssim_target(frame);
+  view.measured = torch::cat({frame, view.measured.narrow(0, 3, 2)});
+  view.window_mean = target.mean;
+  view.window_square = target.square;
+}
 
 /// Makes the Gaussians' scales unequal, so that their rotations have gradients.
 inline void stretch(train::TrainState& state) {

@@ -92,9 +92,8 @@ TEST_CASE("gains: renders are as bright as their frame, and a brighter frame rai
   bench.dataset = with_gains(bench.dataset, {1, 1, 1});
   bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
   for (const auto& [view, brightness] : {std::pair{0, 2.0 / 3}, {1, 1.5}, {2, 1.0}}) {
-    train::View& of = bench.views[static_cast<size_t>(view)];
-    of.blurry = brightness * bench.render(bench.inputs(view, 1)).color.detach().mean(0);
-    of.blurry_moments = imaging::ssim_target(of.blurry);
+    test::set_frame(bench.views[static_cast<size_t>(view)],
+                    brightness * bench.render(bench.inputs(view, 1)).color.detach().mean(0));
   }
   for (int64_t step = 1; step <= 30; ++step) bench.step(bench.inputs(step % 3, step));
   const torch::Tensor logs = bench.state.gains->log_gains().detach();

@@ -245,9 +245,8 @@ TEST_CASE("exposure poses: wrong poses get right against a scene that is, from e
   for (size_t i = 0; i < 3; ++i) {
     train::View& view = bench.views[i];
     const torch::NoGradGuard no_grad;
-    view.blurry =
-        splat::render(right, view.cameras, train::render_options(bench.options)).color.mean(0);
-    view.blurry_moments = imaging::ssim_target(view.blurry);
+    const splat::RenderOptions render = train::render_options(bench.options);
+    test::set_frame(view, splat::render(right, view.cameras, render).color.mean(0));
     data::Exposure& exposure = wrong.train[i];
     const double shift = (1.0 - static_cast<double>(i)) * 2 / exposure.camera.fx;  // -1, 0, 1 px
     for (geometry::Pose& pose : exposure.poses) {

@@ -42,10 +42,9 @@ TEST_CASE("pattern: what all frames have at the same pixels is learned, and the 
   bench.state = train::make_state(bench.options, bench.dataset, torch::kCPU);
   // Frames are the renders of a fixed scene, with a brighter column.
   for (int64_t view = 0; view < 3; ++view) {
-    train::View& of = bench.views[static_cast<size_t>(view)];
-    of.blurry = bench.render(bench.inputs(view, 1)).color.detach().mean(0);
-    of.blurry.select(2, 5).add_(0.03);
-    of.blurry_moments = imaging::ssim_target(of.blurry);
+    const torch::Tensor frame = bench.render(bench.inputs(view, 1)).color.detach().mean(0);
+    frame.select(2, 5).add_(0.03);
+    test::set_frame(bench.views[static_cast<size_t>(view)], frame);
   }
   const auto train = [&](double prior) {
     bench.options.pattern.prior_weight = prior;

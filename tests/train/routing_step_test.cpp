@@ -117,11 +117,10 @@ struct DrawnRouting {
   double loss_at(int64_t pose) {
     const torch::NoGradGuard no_grad;
     const train::View& view = inputs.view;
-    const auto alpha =
-        state.allocation->forward(torch::cat({view.blurry, view.psi}), inputs.view_index);
+    const auto alpha = state.allocation->forward(view.measured, inputs.view_index);
     const auto pseudo = alpha * view.restorations.edi + (1 - alpha) * view.restorations.efnet;
     return ((pseudo - renders.color[pose]).abs().mean() +
-            (pseudo * view.reblur_kernel - view.blurry).abs().mean())
+            (pseudo * view.reblur_kernel - view.blurry()).abs().mean())
         .item<double>();
   }
 };

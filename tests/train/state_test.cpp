@@ -31,12 +31,10 @@ TEST_CASE("visit: the inputs of a step name each tensor once, at its own place",
   const test::TinyScene scene;
   const test::Bench bench(scene);
   const train::StepInputs inputs = bench.inputs(0, 1);
-  CHECK(names_in(inputs) == std::set<std::string>{"view.blurry",
+  CHECK(names_in(inputs) == std::set<std::string>{"view.measured",
                                                   "view.mask",
-                                                  "view.blurry_moments.image",
-                                                  "view.blurry_moments.mean",
-                                                  "view.blurry_moments.square",
-                                                  "view.psi",
+                                                  "view.window_mean",
+                                                  "view.window_square",
                                                   "view.reblur_kernel",
                                                   "view.u",
                                                   "view.weights",
@@ -71,9 +69,9 @@ TEST_CASE("visit: what is written through a visit stays in the inputs that were 
   own.visit([](const std::string&, torch::Tensor& tensor) {
     if (tensor.defined()) tensor = tensor.clone().zero_();
   });
-  CHECK(own.view.blurry.abs().max().item<double>() == 0);
+  CHECK(own.view.measured.abs().max().item<double>() == 0);
   CHECK(own.view.restorations.edi.abs().max().item<double>() == 0);
-  CHECK(inputs.view.blurry.max().item<double>() > 0);
+  CHECK(inputs.view.measured.max().item<double>() > 0);
 }
 
 TEST_CASE("visit: the state names all that a step writes", "[train]") {

@@ -36,7 +36,7 @@ TEST_CASE("step feed: a step is given its view, whatever was asked for before", 
   CHECK(last.step == 40);
   for (const train::StepInputs& in : all) {
     CHECK(in.view_pick.item<int64_t>() == in.view_index);
-    CHECK(in.view.blurry.equal(feed.bank().picture_view(in.view_index).blurry));
+    CHECK(in.view.measured.equal(feed.bank().picture_view(in.view_index).measured));
   }
 }
 
@@ -58,7 +58,7 @@ TEST_CASE("step feed: where every pose is restored a step is given its drawn pos
     const int64_t pose = in.pose_draws[3].item<int64_t>();
     const train::View expected = feed.bank().step_view(in.view_index, pose);
     CHECK(in.view.restorations.efnet.equal(expected.restorations.efnet));
-    CHECK(in.view.psi.equal(expected.psi));
+    CHECK(in.view.measured.equal(expected.measured));
     const train::View middle = feed.bank().picture_view(in.view_index);
     CHECK(torch::allclose(plain.view.restorations.efnet, middle.restorations.efnet, 0, 3e-4));
     if (pose != 4) CHECK_FALSE(in.view.restorations.efnet.equal(middle.restorations.efnet));
@@ -85,10 +85,9 @@ TEST_CASE("step feed: a step is given the EDI factors of its poses, and nothing 
       CHECK(in.edi_factors.gray.equal(at(0)));
       CHECK(in.edi_factors.color.equal(at(1)));
       CHECK(in.edi_factors.simulation.equal(at(2)));
-      CHECK(in.view.psi.defined() == routed);
+      CHECK(in.view.measured.size(0) == (routed ? 5 : 3));
       CHECK(in.view.reblur_kernel.defined() == routed);
       CHECK(in.view.restorations.edi.defined() == routed);
-      CHECK(feed.bank().picture_view(in.view_index).psi.defined());
     }
   }
 }

@@ -64,7 +64,7 @@ struct GraphBench : test::Bench {
   train::StepInputs inputs(int64_t step) const {
     train::StepInputs in = Bench::inputs(0, step);
     in.events = windows->at(20, 0);  // the same at every step
-    in.events.color_filter = torch::zeros({28, 36, 3}, torch::kBool).to(in.view.blurry.device());
+    in.events.color_filter = torch::zeros({28, 36, 3}, torch::kBool).to(in.view.measured.device());
     in.events.color_filter.select(2, 1).fill_(true);
     return in;
   }
@@ -210,7 +210,7 @@ TEST_CASE("step graph: what changes in any tensor of the inputs changes a replay
   }
   CHECK(graph.replays() == 2 + 2 * static_cast<int64_t>(names.size()));
   // The change must affect a step, or the comparison would be meaningless.
-  for (const char* name : {"view.blurry", "view.blurry_moments.mean", "edi_factors.gray",
+  for (const char* name : {"view.measured", "view.window_mean", "edi_factors.gray",
                            "view.restorations.edi", "view.cameras.intrinsics", "pose_draws",
                            "events.counts", "events.pixels", "events.color_filter"}) {
     INFO(name);

@@ -57,7 +57,7 @@ nlohmann::ordered_json step_line(const train::StepInputs& inputs, const train::S
                 splat::render(state.gaussians.detached(), train::exposure_cameras(state, inputs),
                               train::render_options(options))
                     .color);
-  double psnr = eval::psnr(losses::weighted_mean(all, view.weights), view.blurry);
+  double psnr = eval::psnr(losses::weighted_mean(all, view.weights), view.blurry());
   // Masked pixels are black in both and do not count.
   if (view.mask.defined()) psnr += 10 * std::log10(view.mask.mean().item<double>());
   line["psnr_train"] = psnr;

@@ -137,7 +137,7 @@ Json headline(const data::Dataset& dataset, const train::ViewBank& bank,
                         mask);
     };
     ++count;
-    blurry += psnr(view.blurry);
+    blurry += psnr(view.blurry());
     edi += psnr(view.restorations.edi);
     if (bank.has_efnet()) efnet += psnr(view.restorations.efnet);
     rendered += psnr(render_view(state.gaussians.detached(), exposure.poses[geometry::kMidPose],

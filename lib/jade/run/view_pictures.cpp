@@ -51,7 +51,7 @@ std::vector<ViewPicture> training_pictures(const data::Dataset& dataset,
   const auto view = [&bank, index] { return bank.picture_view(index); };
   const bool judged = true;
   std::vector<ViewPicture> pictures{
-      {"blurry", [view] { return view().blurry; }, judged},
+      {"blurry", [view] { return view().blurry(); }, judged},
       {"EDI", [view] { return view().restorations.edi; }, judged},
   };
   if (bank.has_efnet()) {

@@ -14,6 +14,7 @@
 #include "jade/imaging/edi.h"
 #include "jade/imaging/image_io.h"
 #include "jade/imaging/reblur.h"
+#include "jade/imaging/ssim.h"
 #include "jade/train/exposure_span.h"
 #include "jade/train/plan.h"
 #include "jade/train/sums_ahead.h"
@@ -205,11 +206,14 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
 
 void ViewBank::add(const data::Exposure& exposure, const ExposureSpan& span, bool masks,
                    bool monochrome, const restore::RestoredExposure& restored) {
-  const events::EventVoxel& voxel = restored.maps.voxel;
   const bool lasts = exposure.duration_us() > 0;
+  if (is_routed()) {
+    add_routed(exposure, restored.maps.voxel);
+  } else {
+    put(measured_, exposure.blurry.contiguous());
+  }
   torch::Tensor mask;
   if (exposure.mask.defined()) mask = exposure.mask.to(device_, torch::kFloat32);
-  put(frames_, exposure.blurry.contiguous());
   if (masks) put(masks_, mask.defined() ? mask : torch::ones_like(exposure.blurry.narrow(0, 0, 1)));
 
   const bool printed = options_.objective.edi_contrast == 1;
@@ -220,20 +224,8 @@ void ViewBank::add(const data::Exposure& exposure, const ExposureSpan& span, boo
   if (restored.efnet_at.defined()) {
     put(efnet_, kept(restored.efnet_at, lasts, torch::kHalf), mask);
   }
-  const double contrast = reblur_contrast(voxel, options_);
-  if (restores_poses(options_) && plan_step(options_, 1).route) {
-    std::vector<torch::Tensor> psi, kernels;
-    for (const double moment : restored_times(options_)) {
-      psi.push_back(events::polarity_projection(voxel.values, moment));
-      kernels.push_back(imaging::reblur_kernel(voxel, contrast, moment));
-    }
-    put(psi_, torch::stack(psi));
-    put(reblur_kernel_, torch::stack(kernels));
-  }
   put(middle_edi_, restored.restorations.edi, mask);
   put(middle_efnet_, restored.restorations.efnet, mask);
-  put(middle_psi_, events::polarity_projection(voxel.values));
-  put(middle_reblur_kernel_, imaging::reblur_kernel(voxel, contrast));
   put(density_, restored.maps.density);
   if (options_.objective.target == losses::Target::kImageFolder) {
     const torch::Tensor image = target_image(exposure, options_.train.target_images);
@@ -245,28 +237,44 @@ void ViewBank::add(const data::Exposure& exposure, const ExposureSpan& span, boo
       camera_batch(sample_poses(exposure, span, options_.exposure), exposure.camera, device_));
 }
 
+void ViewBank::add_routed(const data::Exposure& exposure, const events::EventVoxel& voxel) {
+  const double contrast = reblur_contrast(voxel, options_);
+  put(measured_, torch::cat({exposure.blurry, events::polarity_projection(voxel.values)}));
+  put(middle_reblur_kernel_, imaging::reblur_kernel(voxel, contrast));
+  if (!restores_poses(options_) || !plan_step(options_, 1).route) return;
+  std::vector<torch::Tensor> psi, kernels;
+  for (const double moment : restored_times(options_)) {
+    psi.push_back(events::polarity_projection(voxel.values, moment));
+    kernels.push_back(imaging::reblur_kernel(voxel, contrast, moment));
+  }
+  put(psi_, torch::stack(psi));
+  put(reblur_kernel_, torch::stack(kernels));
+}
+
 void ViewBank::place(int64_t most_bytes) {
   Budget budget(most_bytes);
   const bool all = !device_.is_cuda();
   const auto place_kinds = [&](std::initializer_list<PerView*> kinds) {
     for (PerView* const kind : kinds) move(*kind, device_);
   };
-  const int64_t frames = 3 * bytes_of(frames_) + bytes_of(masks_) + bytes_of(fixed_targets_);
-  for (const torch::Tensor& each : frames_) {
-    const imaging::SsimTarget target = imaging::ssim_target(each.to(device_));
+  for (const torch::Tensor& each : measured_) {
+    const auto target = imaging::ssim_target(each.narrow(0, 0, 3).to(device_));
     put(window_means_, target.mean);
     put(window_squares_, target.square);
   }
+  int64_t frames = bytes_of(fixed_targets_);
+  for (const PerView* const kind : {&measured_, &window_means_, &window_squares_, &masks_}) {
+    frames += bytes_of(*kind);
+  }
   if (budget.take(frames) || all || is_routed()) {
-    place_kinds({&frames_, &window_means_, &window_squares_, &masks_, &fixed_targets_});
+    place_kinds({&measured_, &window_means_, &window_squares_, &masks_, &fixed_targets_});
   }
   if (budget.take(bytes_of(edi_) + bytes_of(target_edi_)) || all) {
     place_kinds({&edi_, &target_edi_});
   }
   if (budget.take(bytes_of(efnet_)) || all) place_kinds({&efnet_});
   if (is_routed()) {
-    place_kinds({&psi_, &reblur_kernel_, &middle_edi_, &middle_efnet_, &middle_psi_,
-                 &middle_reblur_kernel_});
+    place_kinds({&psi_, &reblur_kernel_, &middle_edi_, &middle_efnet_, &middle_reblur_kernel_});
   }
 }
 
@@ -288,28 +296,29 @@ View ViewBank::step_view(int64_t view, std::optional<int64_t> pose) const {
              ", found ", *pose);
   const auto i = static_cast<size_t>(view);
   View out;
-  out.blurry = fetched(frames_[i], device_);
+  out.measured = fetched(measured_[i], device_);
+  out.window_mean = fetched(window_means_[i], device_);
+  out.window_square = fetched(window_squares_[i], device_);
   out.mask = fetched(of(masks_, i), device_);
-  out.blurry_moments = {out.blurry, fetched(window_means_[i], device_),
-                        fetched(window_squares_[i], device_)};
   out.cameras = cameras_[i];
   out.u = u_;
   out.weights = weights_;
   if (options_.objective.target == losses::Target::kBlurry) {
-    out.fixed_target = out.blurry;
+    out.fixed_target = out.blurry();
   } else if (!fixed_targets_.empty()) {
     out.fixed_target = fetched(fixed_targets_[i], device_);
   } else {
     const restore::Restorations restorations =
-        pose ? restorations_at(i, *pose, out.blurry)
+        pose ? restorations_at(i, *pose, out.blurry())
              : restore::Restorations{middle_edi_[i], of(middle_efnet_, i)};
     out.fixed_target = restored_target(restorations, options_);
     if (!is_routed()) return out;
     out.restorations = restorations;
-    const bool there = pose && !psi_.empty();
-    const int64_t row = pose ? *pose / restored_every(options_) : 0;
-    out.psi = there ? psi_[i][row] : middle_psi_[i];
-    out.reblur_kernel = there ? reblur_kernel_[i][row] : middle_reblur_kernel_[i];
+    out.reblur_kernel = middle_reblur_kernel_[i];
+    if (!pose || psi_.empty()) return out;
+    const int64_t row = *pose / restored_every(options_);
+    out.measured = torch::cat({out.blurry(), psi_[i][row]});
+    out.reblur_kernel = reblur_kernel_[i][row];
   }
   return out;
 }
@@ -329,10 +338,9 @@ torch::Tensor ViewBank::edi_factors(int64_t view) const {
 View ViewBank::picture_view(int64_t view) const {
   const auto i = static_cast<size_t>(view);
   View out;
-  out.blurry = frames_[i];
+  out.measured = measured_[i];
   out.mask = of(masks_, i);
-  out.psi = middle_psi_[i];
-  out.reblur_kernel = middle_reblur_kernel_[i];
+  out.reblur_kernel = of(middle_reblur_kernel_, i);
   out.restorations = {middle_edi_[i], of(middle_efnet_, i)};
   if (is_routed()) out.fixed_target = restored_target(out.restorations, options_);
   return out;
@@ -347,10 +355,10 @@ ConstantBytes ViewBank::bytes_on_device() const {
     }
     return bytes;
   };
-  ConstantBytes bytes{sum({&frames_, &window_means_, &window_squares_, &masks_}),
+  ConstantBytes bytes{sum({&measured_, &window_means_, &window_squares_, &masks_}),
                       sum({&edi_, &target_edi_}),
                       sum({&fixed_targets_, &efnet_, &psi_, &reblur_kernel_, &middle_edi_,
-                           &middle_efnet_, &middle_psi_, &middle_reblur_kernel_})};
+                           &middle_efnet_, &middle_reblur_kernel_})};
   return bytes;
 }
 

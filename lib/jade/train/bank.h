@@ -30,7 +30,7 @@ using PerView = std::vector<torch::Tensor>;
 
 /// Bytes on the training device.
 struct ConstantBytes {
-  int64_t frames = 0;        ///< blurry frames with the window means of SSIM, and masks
+  int64_t frames = 0;        ///< frames with the window means of SSIM, masks; Ψ for a router
   int64_t edi = 0;           ///< factors of EDI
   int64_t restorations = 0;  ///< targets and the restorations they consist of
 };
@@ -55,7 +55,7 @@ class ViewBank {
            std::future<restore::Restorer> early = {},
            int64_t most_device_bytes = kMostConstantBytes);
 
-  int64_t size() const { return static_cast<int64_t>(frames_.size()); }
+  int64_t size() const { return static_cast<int64_t>(measured_.size()); }
 
   /// The view as a step reads it, on the training device, float32. Does not wait for the device.
   /// @param pose  the moment of the target, its restorations, Ψ and K(V); without value: the
@@ -68,8 +68,8 @@ class ViewBank {
   /// [K,1,H,W], all moments.
   torch::Tensor edi_factors(int64_t view) const;
 
-  /// For pictures and the report: the frame, and Ψ, K(V) and both restorations at mid-exposure. On
-  /// the training device if a router reads them, else possibly on the CPU.
+  /// For pictures and the report: the frame and both restorations at mid-exposure, with a router Ψ
+  /// and K(V) too. On the training device if a router reads them, else possibly on the CPU.
   View picture_view(int64_t view) const;
   /// [H,W] events of either polarity, on the CPU.
   torch::Tensor density(int64_t view) const { return density_[static_cast<size_t>(view)]; }
@@ -81,6 +81,8 @@ class ViewBank {
  private:
   void add(const data::Exposure& exposure, const ExposureSpan& span, bool masks, bool monochrome,
            const restore::RestoredExposure& restored);
+  /// Stores X_in and K(V) of an exposure, for a router and its loss.
+  void add_routed(const data::Exposure& exposure, const events::EventVoxel& voxel);
   /// Moves to the device what fits.
   void place(int64_t most_bytes);
   restore::Restorations restorations_at(size_t view, int64_t pose,
@@ -90,7 +92,7 @@ class ViewBank {
   RunOptions options_;
   torch::Device device_ = torch::kCPU;
   // Kinds that no step or picture reads are empty.
-  PerView frames_, masks_;                 // [3,H,W]; [1,H,W], empty: all pixels count
+  PerView measured_, masks_;  // as in View, Ψ at mid-exposure; [1,H,W], empty: all pixels count
   PerView window_means_, window_squares_;  // [3,H,W], SSIM's of the frames
   PerView fixed_targets_;                  // [3,H,W] at mid-exposure, neither routed nor the frame
   // Maps at several moments; an exposure of zero length has one for all.
@@ -100,7 +102,7 @@ class ViewBank {
   PerView psi_, reblur_kernel_;  // [R,2,H,W], [R,1,H,W] at the restored poses, for a router
   // Mid-exposure:
   PerView middle_edi_, middle_efnet_;  // [3,H,W]
-  PerView middle_psi_, middle_reblur_kernel_, density_;
+  PerView middle_reblur_kernel_, density_;
   std::vector<splat::CameraBatch> cameras_;  // on the device
   torch::Tensor u_, weights_;                // [K], as in View
 };

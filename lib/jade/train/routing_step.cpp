@@ -7,8 +7,7 @@ namespace jade::train {
 
 torch::Tensor routing_alpha(TrainState& state, const StepInputs& inputs, const StepPlan& plan) {
   if (!plan.route) return {};
-  const View& view = inputs.view;
-  return state.allocation->forward(torch::cat({view.blurry, view.psi}), inputs.view_index);
+  return state.allocation->forward(inputs.view.measured, inputs.view_index);
 }
 
 RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torch::Tensor& alpha,
@@ -17,7 +16,7 @@ RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torc
   if (!plan.route) return {};
   const View& view = inputs.view;
   const auto loss = losses::route_loss(alpha, view.restorations, losses::Fixed(renders.of_target()),
-                                       view.reblur_kernel, view.blurry, options);
+                                       view.reblur_kernel, view.blurry(), options);
   state.allocation.adam.zero_grad();
   loss.total.backward();
   state.allocation.adam.step();
@@ -27,7 +26,7 @@ RouteReport routing_step(TrainState& state, const StepInputs& inputs, const torc
 torch::Tensor allocation_map(TrainState& state, const View& view, int64_t view_index) {
   if (!state.allocation) return {};
   const torch::NoGradGuard no_grad;
-  return state.allocation->forward(torch::cat({view.blurry, view.psi}), view_index);
+  return state.allocation->forward(view.measured, view_index);
 }
 
 torch::Tensor scene_target(TrainState& state, const View& view, int64_t view_index) {

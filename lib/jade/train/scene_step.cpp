@@ -146,7 +146,7 @@ std::vector<losses::NamedTerm> scene_step(TrainState& state, const StepInputs& s
   const View& view = step_inputs.view;
   losses::ObjectiveInputs inputs;
   inputs.renders = renders.color;
-  inputs.blurry = view.blurry_moments;
+  inputs.blurry = {view.blurry(), view.window_mean, view.window_square};
   inputs.samples = view.cameras.camera_from_world.size(0);
   inputs.weights = view.weights;
   inputs.pose_draws = step_inputs.pose_draws;

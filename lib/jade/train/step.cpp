@@ -12,7 +12,7 @@ StepOutputs alternate(TrainState& state, const StepInputs& inputs, const StepPla
   // Runs concurrently on a GPU: the renders, the router and the response table; L_tgt and the other
   // terms with their gradients, including that of the table's network; the small updates and that
   // of the Gaussians.
-  const torch::Device device = inputs.view.blurry.device();
+  const torch::Device device = inputs.view.measured.device();
   kernel::SideStream side(device.is_cuda() ? device.index() : -1);
   torch::Tensor alpha, target, table;
   RouteReport route;

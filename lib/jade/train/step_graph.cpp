@@ -164,7 +164,7 @@ struct StepGraph::Recordings {
     // capture: after a hundred densifications they would fill the GPU.
     if (recorded.size() == kMostPlans) recorded.erase(recorded.begin());
     // Gradients must be allocated inside the graph, at addresses of its own.
-    release_memory(state, step_inputs.view.blurry.device());
+    release_memory(state, step_inputs.view.measured.device());
     if (!inputs) inputs = own_copy(step_inputs);
     auto made = std::make_unique<Recording>();
     made->plan = plan;
@@ -198,7 +198,7 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const St
                            const RunOptions& options) {
   Recordings& recordings = *recordings_;
   const bool recordable = plan.recordable && !kernel::waits_for_launches();
-  if (recordings.refused || !recordable || !inputs.view.blurry.is_cuda()) {
+  if (recordings.refused || !recordable || !inputs.view.measured.is_cuda()) {
     return alternate(state, inputs, plan, options);
   }
   recordings.check(state, inputs);
@@ -207,7 +207,7 @@ StepOutputs StepGraph::run(TrainState& state, const StepInputs& inputs, const St
     if (!recordings.warmed_up(plan)) {
       // An eager step does not need the memory of the graphs; both together would be the run's
       // peak.
-      release(state, inputs.view.blurry.device());
+      release(state, inputs.view.measured.device());
       return alternate(state, inputs, plan, options);
     }
     try {

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "jade/data/exposure.h"
-#include "jade/imaging/ssim.h"
 #include "jade/restore/restorations.h"
 #include "jade/splat/render.h"
 #include "jade/train/options.h"
@@ -17,18 +16,20 @@ namespace jade::train {
 /// and both restorations belong to one moment of the exposure, the middle or a sampled one.
 /// Undefined: the step does not read it.
 struct View {
-  torch::Tensor blurry;  ///< [3,H,W] B, 0 at masked pixels
+  /// [3,H,W] B, 0 at masked pixels; for a router X_in of Eq. (2), [5,H,W]: B, then Ψ(V).
+  torch::Tensor measured;
+  torch::Tensor window_mean, window_square;  ///< [3,H,W] of B, for L_blur (imaging/ssim.h)
   /// [1,H,W] float32, 1 if a pixel counts, else 0 (targets are 0 there too); undefined: all pixels
   /// of all views count.
   torch::Tensor mask;
-  imaging::SsimTarget blurry_moments;  ///< window means of B, for L_blur
-  torch::Tensor psi;                   ///< [2,H,W] Ψ(V)
   torch::Tensor reblur_kernel;         ///< [1,H,W] K(V), Eq. (7)
   restore::Restorations restorations;  ///< I_edi and F
   torch::Tensor fixed_target;          ///< [3,H,W] target that does not depend on a router
   splat::CameraBatch cameras;          ///< the K poses
   torch::Tensor u;        ///< [K] float64, their moments: 0 is the exposure's start, 1 its end
   torch::Tensor weights;  ///< [K] weights in the mean of their renders; undefined: 1/K each
+
+  torch::Tensor blurry() const { return measured.narrow(0, 0, 3); }
 
   /// Calls `visitor(name, tensor)` for every tensor, once.
   template <class Visitor>
@@ -43,12 +44,12 @@ struct View {
  private:
   template <class Self, class Visitor>
   static void visit_each(Self& self, Visitor& visitor) {
-    visit_members<View>(visitor, Member{"blurry", self.blurry}, Member{"mask", self.mask},
-                        Member{"blurry_moments", self.blurry_moments}, Member{"psi", self.psi},
-                        Member{"reblur_kernel", self.reblur_kernel},
-                        Member{"restorations", self.restorations},
-                        Member{"fixed_target", self.fixed_target}, Member{"cameras", self.cameras},
-                        Member{"u", self.u}, Member{"weights", self.weights});
+    visit_members<View>(
+        visitor, Member{"measured", self.measured}, Member{"window_mean", self.window_mean},
+        Member{"window_square", self.window_square}, Member{"mask", self.mask},
+        Member{"reblur_kernel", self.reblur_kernel}, Member{"restorations", self.restorations},
+        Member{"fixed_target", self.fixed_target}, Member{"cameras", self.cameras},
+        Member{"u", self.u}, Member{"weights", self.weights});
   }
 };
 

@@ -10,7 +10,6 @@
 #include <type_traits>
 
 #include "jade/core/members.h"
-#include "jade/imaging/ssim.h"
 #include "jade/losses/objective.h"
 #include "jade/restore/restorations.h"
 #include "jade/splat/render.h"
@@ -46,9 +45,6 @@ void visit_tensors(Visitor& visitor, const Member<T>& member) {
   const auto inner = [&](const char* name) { return member.name + "." + name; };
   if constexpr (std::is_same_v<Type, torch::Tensor>) {
     visitor(member.name, value);
-  } else if constexpr (std::is_same_v<Type, imaging::SsimTarget>) {
-    visit_members<Type>(visitor, Member{inner("image"), value.image},
-                        Member{inner("mean"), value.mean}, Member{inner("square"), value.square});
   } else if constexpr (std::is_same_v<Type, losses::EdiFactors>) {
     visit_members<Type>(visitor, Member{inner("gray"), value.gray},
                         Member{inner("color"), value.color},
