@@ -12,17 +12,16 @@ namespace {
 
 constexpr int64_t kViews = 3, kHeight = 6, kWidth = 8;
 
-std::shared_ptr<Allocation> make(const std::string& kind, double constant = 0.5) {
-  return make_allocation({value_of<AllocationKind>(kind).value(), constant}, kViews, kHeight,
-                         kWidth, make_generator(0, "router"));
+std::shared_ptr<Allocation> make(const std::string& kind) {
+  return make_allocation({value_of<AllocationKind>(kind).value()}, kViews, kHeight, kWidth,
+                         make_generator(0, "router"));
 }
 
 torch::Tensor measured() { return torch::rand({5, kHeight, kWidth}); }
 
 TEST_CASE("allocation: every kind gives one value per pixel, in [0,1] but without the sigmoid",
           "[router]") {
-  for (const std::string kind :
-       {"router", "router_no_sigmoid", "constant", "global_scalar", "per_view_map"}) {
+  for (const std::string kind : {"router", "router_no_sigmoid", "global_scalar", "per_view_map"}) {
     const torch::Tensor alpha = make(kind)->forward(measured(), 1);
     INFO(kind);
     CHECK(alpha.sizes() == torch::IntArrayRef({1, kHeight, kWidth}));
@@ -41,12 +40,8 @@ TEST_CASE("allocation: each kind has the parameters it should have", "[router]")
   };
   CHECK(count("router") == 9314);
   CHECK(count("router_no_sigmoid") == 9314);
-  CHECK(count("constant") == 0);
   CHECK(count("global_scalar") == 1);
   CHECK(count("per_view_map") == kViews * kHeight * kWidth);
-  CHECK(make("router")->trainable());
-  CHECK_FALSE(make("constant")->trainable());
-  CHECK(make("none") == nullptr);
 }
 
 TEST_CASE("allocation: the router without sigmoid is the same network, unbounded", "[router]") {
@@ -55,8 +50,7 @@ TEST_CASE("allocation: the router without sigmoid is the same network, unbounded
   CHECK(torch::allclose(make("router")->forward(in, 0), logits.sigmoid()));
 }
 
-TEST_CASE("allocation: constants, learned numbers and maps start where they should", "[router]") {
-  CHECK((make("constant", 0.25)->forward(measured(), 0) == 0.25).all().item<bool>());
+TEST_CASE("allocation: learned numbers and maps start where they should", "[router]") {
   CHECK((make("global_scalar")->forward(measured(), 0) == 0.5).all().item<bool>());
   CHECK((make("per_view_map")->forward(measured(), 2) == 0.5).all().item<bool>());
   CHECK_THROWS_AS(make("per_view_map")->forward(measured(), kViews), ContractError);

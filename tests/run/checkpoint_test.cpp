@@ -34,7 +34,7 @@ TEST_CASE("checkpoint: stored settings did as printed where a later version has 
 TEST_CASE("checkpoint: maps of another number of views are refused", "[run]") {
   const test::TinyScene scene;
   const auto maps = [](int64_t views) {
-    return router::make_allocation({router::AllocationKind::kPerViewMap, 0.5}, views, 28, 36,
+    return router::make_allocation({router::AllocationKind::kPerViewMap}, views, 28, 36,
                                    make_generator(1, "maps"));
   };
   train::RunOptions options = test::tiny_options(scene);

@@ -16,8 +16,7 @@
 
 namespace jade::test {
 
-/// Views and a state with a router, without a trainer. The blurry frame replaces F, so no restorer
-/// is needed.
+/// Views and a state with a router, without a trainer. The blurry frame replaces F.
 struct Bench {
   train::RunOptions options;
   data::Dataset dataset;
@@ -27,19 +26,17 @@ struct Bench {
   train::ViewBank bank;
 
   explicit Bench(const TinyScene& scene, torch::Device device = torch::kCPU)
-      : options(tiny_options(scene)) {
+      : options(routed_options(scene)) {
     dataset = data::load_dataset(options.dataset);
     prepare(device);
-    options.objective.target = losses::Target::kRouted;
     state = train::make_state(options, dataset, device);
   }
 
-  /// Prepares the bank with α = 1, which reads no F, and views for a router.
+  /// Prepares the bank and views for a router.
   void prepare(torch::Device device) {
-    train::RunOptions edi = options;
-    edi.objective.target = losses::Target::kRouted;
-    edi.allocation = {router::AllocationKind::kConstant, 1};
-    bank = train::ViewBank(dataset, edi, device);
+    train::RunOptions routed = options;
+    routed.objective.target = losses::Target::kRouted;
+    bank = train::ViewBank(dataset, routed, device);
     views.clear();
     for (int64_t i = 0; i < bank.size(); ++i) {
       train::View view = bank.step_view(i);

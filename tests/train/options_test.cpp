@@ -19,7 +19,7 @@ TEST_CASE("options: rules between fields name the keys", "[train]") {
   CHECK_NOTHROW(train::validate(options));
   options.route.render_consistency = options.route.reblur_consistency = false;
   CHECK_THROWS_WITH(train::validate(options), Catch::Contains("route.render_consistency"));
-  options.allocation.kind = router::AllocationKind::kConstant;
+  options.objective.target = losses::Target::kMean;
   CHECK_NOTHROW(train::validate(options));
   options.objective.blur = options.objective.edi_supervision = options.objective.intensity = false;
   options.objective.simulation = false;

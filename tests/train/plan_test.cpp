@@ -34,8 +34,7 @@ TEST_CASE("plan: the paper's run changes at the steps of its calendar and at no 
   CHECK(last.recordable);
 }
 
-TEST_CASE("plan: without an allocation a routed target rests, and a constant one is not trained",
-          "[train]") {
+TEST_CASE("plan: the allocation is trained while a routed target acts", "[train]") {
   train::RunOptions options = settled();
   const auto plan = [&](AllocationKind kind) {
     options.allocation.kind = kind;
@@ -46,12 +45,8 @@ TEST_CASE("plan: without an allocation a routed target rests, and a constant one
     CHECK(plan(kind).objective.target);
     CHECK(plan(kind).route);
   }
-  CHECK(plan(AllocationKind::kConstant).objective.target);
-  CHECK_FALSE(plan(AllocationKind::kConstant).route);
-  CHECK_FALSE(plan(AllocationKind::kNone).objective.target);
-  CHECK_FALSE(plan(AllocationKind::kNone).route);
   options.objective.target = losses::Target::kEdi;
-  CHECK(plan(AllocationKind::kNone).objective.target);
+  CHECK(plan(AllocationKind::kRouter).objective.target);
   CHECK_FALSE(plan(AllocationKind::kRouter).route);
   options.objective.target = losses::Target::kRouted;
   options.objective.target_until = 5;

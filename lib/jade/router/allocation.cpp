@@ -24,18 +24,6 @@ class RoutedAllocation : public Allocation {
   bool sigmoid_;
 };
 
-class ConstantAllocation : public Allocation {
- public:
-  explicit ConstantAllocation(double value) : value_(value) {}
-
-  torch::Tensor forward(const torch::Tensor& measured, int64_t) override {
-    return torch::full({1, measured.size(1), measured.size(2)}, value_, measured.options());
-  }
-
- private:
-  double value_;
-};
-
 class GlobalScalarAllocation : public Allocation {
  public:
   GlobalScalarAllocation() : logit_(register_parameter("logit", torch::zeros({1}))) {}
@@ -78,16 +66,12 @@ std::shared_ptr<Allocation> make_allocation(const AllocationOptions& options, in
       return std::make_shared<RoutedAllocation>(std::move(generator), /*sigmoid=*/true);
     case AllocationKind::kRouterNoSigmoid:
       return std::make_shared<RoutedAllocation>(std::move(generator), /*sigmoid=*/false);
-    case AllocationKind::kConstant:
-      return std::make_shared<ConstantAllocation>(options.constant);
     case AllocationKind::kGlobalScalar:
       return std::make_shared<GlobalScalarAllocation>();
     case AllocationKind::kPerViewMap:
-      return std::make_shared<PerViewAllocation>(views, height, width);
-    case AllocationKind::kNone:
       break;
   }
-  return nullptr;
+  return std::make_shared<PerViewAllocation>(views, height, width);
 }
 
 }  // namespace jade::router

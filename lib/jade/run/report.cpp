@@ -200,7 +200,7 @@ Json choice_statistics(const data::Dataset& dataset, const train::ViewBank& bank
   std::vector<double> right, gain;
   for (int64_t i = 0; i < bank.size(); ++i) {
     const torch::Tensor truth = truth_of(dataset, i);
-    if (!truth.defined() || !bank.has_efnet()) continue;
+    if (!truth.defined()) continue;
     const train::View view = bank.picture_view(i);
     const AllocationChoice choice =
         allocation_choice(train::allocation_map(state, view, i), view.restorations, truth);

@@ -105,7 +105,6 @@ torch::Tensor restored_target(const restore::Restorations& restorations,
     case losses::Target::kMean:
       return restore::fuse(torch::full({}, 0.5, restorations.edi.options()), restorations);
     case losses::Target::kRouted:
-      return routed_to_edi(options) ? restorations.edi : torch::Tensor();
     case losses::Target::kBlurry:
     case losses::Target::kImageFolder:
     case losses::Target::kNone:
@@ -241,7 +240,7 @@ void ViewBank::add_routed(const data::Exposure& exposure, const events::EventVox
   const double contrast = reblur_contrast(voxel, options_);
   put(measured_, torch::cat({exposure.blurry, events::polarity_projection(voxel.values)}));
   put(middle_reblur_kernel_, imaging::reblur_kernel(voxel, contrast));
-  if (!restores_poses(options_) || !plan_step(options_, 1).route) return;
+  if (!restores_poses(options_)) return;
   std::vector<torch::Tensor> psi, kernels;
   for (const double moment : restored_times(options_)) {
     psi.push_back(events::polarity_projection(voxel.values, moment));
@@ -342,7 +341,6 @@ View ViewBank::picture_view(int64_t view) const {
   out.mask = of(masks_, i);
   out.reblur_kernel = of(middle_reblur_kernel_, i);
   out.restorations = {middle_edi_[i], of(middle_efnet_, i)};
-  if (is_routed()) out.fixed_target = restored_target(out.restorations, options_);
   return out;
 }
 

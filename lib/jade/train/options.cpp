@@ -8,11 +8,6 @@
 namespace jade::train {
 namespace {
 
-bool is_routed(const RunOptions& options) {
-  return options.objective.target == losses::Target::kRouted &&
-         options.allocation.kind != router::AllocationKind::kNone;
-}
-
 /// Whether the exposure is the sum of nine moments printed in the paper.
 bool has_nine_equal_moments(const RunOptions& options) {
   return options.exposure.samples == geometry::kExposurePoses && options.events.edi_samples == 0 &&
@@ -66,15 +61,10 @@ RunOptions printed_options() {
   return options;
 }
 
-bool routed_to_edi(const RunOptions& options) {
-  return is_routed(options) && options.allocation.kind == router::AllocationKind::kConstant &&
-         options.allocation.constant == 1;
-}
-
 bool needs_efnet(const RunOptions& options) {
   const losses::Target target = options.objective.target;
   return target == losses::Target::kEfnet || target == losses::Target::kMean ||
-         (is_routed(options) && !routed_to_edi(options));
+         target == losses::Target::kRouted;
 }
 
 int64_t restored_every(const RunOptions& options) {
@@ -144,7 +134,7 @@ void validate(const RunOptions& options) {
     throw ConfigError(concat(
         "route.render_consistency and route.reblur_consistency: at least one must be true to train "
         "allocation.kind ",
-        word_of(options.allocation.kind), "; or set allocation.kind constant"));
+        word_of(options.allocation.kind), "; or set objective.target edi, efnet or mean"));
   }
   for (const int64_t step : {int64_t{1}, options.objective.target_until + 1}) {
     if (plan_step(options, step).objective.any_term() || step > options.train.iterations) continue;

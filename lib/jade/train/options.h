@@ -157,9 +157,6 @@ void describe(V& v, RunOptions& o) {
 /// from a version that had no such key and did as printed.
 RunOptions printed_options();
 
-/// True for a routed target with α ≡ 1, which is the analytical restoration.
-bool routed_to_edi(const RunOptions& options);
-
 /// True if the options need F(B, V): a routed, EFNet or mean target.
 bool needs_efnet(const RunOptions& options);
 

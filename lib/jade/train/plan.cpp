@@ -25,19 +25,15 @@ int64_t moment_stride(const RunOptions& options, int64_t step) {
 }  // namespace
 
 StepPlan plan_step(const RunOptions& options, int64_t step) {
-  using router::AllocationKind;
-  const AllocationKind allocation = options.allocation.kind;
-  const bool routed = options.objective.target == losses::Target::kRouted;
   StepPlan plan;
   plan.objective = losses::plan_objective(options.objective, step);
-  plan.objective.target &= !routed || allocation != AllocationKind::kNone;
-  plan.route = plan.objective.target && routed && allocation != AllocationKind::kConstant;
+  plan.route = plan.objective.target && options.objective.target == losses::Target::kRouted;
   plan.sh_degree = gaussians::active_sh_degree(step, options.train.sh_degree_every);
   plan.moment_stride = moment_stride(options, step);
   plan.learned_poses = options.poses.optimize != PosePath::kNone;
   plan.statistics = gaussians::keeps_statistics(options.densify, step);
   plan.recordable = options.train.cuda_graph && !options.deterministic &&
-                    allocation != AllocationKind::kPerViewMap;
+                    options.allocation.kind != router::AllocationKind::kPerViewMap;
   return plan;
 }
 

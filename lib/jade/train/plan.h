@@ -14,15 +14,14 @@ namespace jade::train {
 
 /// Steps with equal plans run the same operations on different numbers.
 struct StepPlan {
-  losses::ObjectivePlan objective;  ///< its target term is also off if no allocation computes a
-                                    ///< target
-  bool route = false;               ///< θ is updated
-  int sh_degree = 3;                ///< of the renders
-  int64_t moment_stride = 1;        ///< every so many moments of the exposure are rendered
-  bool learned_poses = false;       ///< the exposure's cameras are learned
-  bool statistics = false;          ///< the renders contribute to the screen gradients of
-                                    ///< densification
-  bool recordable = false;          ///< capture is enabled, and no operation depends on the host
+  losses::ObjectivePlan objective;
+  bool route = false;          ///< θ is updated
+  int sh_degree = 3;           ///< of the renders
+  int64_t moment_stride = 1;   ///< every so many moments of the exposure are rendered
+  bool learned_poses = false;  ///< the exposure's cameras are learned
+  bool statistics = false;     ///< the renders contribute to the screen gradients of
+                               ///< densification
+  bool recordable = false;     ///< capture is enabled, and no operation depends on the host
 
   /// For operator==.
   auto members() const {

@@ -90,9 +90,7 @@ TrainState make_state(const RunOptions& options, const Start& start, torch::Devi
   }
   if (state.allocation) {
     state.allocation->to(device);
-    if (state.allocation->trainable()) {
-      state.allocation.adam = ModuleAdam(state.allocation->parameters(), options.route.lr);
-    }
+    state.allocation.adam = ModuleAdam(state.allocation->parameters(), options.route.lr);
   }
   if (options.response.enabled) {
     state.response.module = std::make_shared<response::CameraResponseImpl>();
