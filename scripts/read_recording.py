@@ -20,6 +20,7 @@ evt2, mono), sensor_msgs Image and CompressedImage, CameraInfo, and the exposure
 import argparse
 import bisect
 import errno
+import itertools
 import os
 import re
 import statistics
@@ -306,20 +307,38 @@ def sensor_times(data, encoding, np):
     return times, int(times[0]) + (int(parts[high[0]:][low[0]]) if len(low) else 0)
 
 
+MOST_DAMAGED = 4  # values in a row
+
+
 def wraps_of(times, span):
     """Wraps in successive values of a counter of `span` us, as EvtDecoder (recording/evt.h) counts them: a decrease by
-    more than half of the span, but for that to or from a single damaged value.
+    more than half of the span, unless values are damaged: then a later one is near that before them.
     """
-    wraps, before = 0, None  # the value before the last long step
-    for last, time in zip(times, times[1:]):
-        fell, rose = last - time > span // 2, time - last > span // 2
-        if not (fell or rose):
-            before = None
-        elif before is not None and 0 <= time - before <= span // 16:
-            wraps, before = wraps - rose, None
-        else:
-            wraps, before = wraps + fell, last
-    return wraps
+    past = []  # the last values and the wraps before each, the latest first
+    for time, _ in itertools.groupby(times):
+        fell = bool(past) and past[0][0] - time > span // 2
+        wraps = past[0][1] + fell if past else 0
+        damaged = damaged_before(past, time, span)
+        if damaged:
+            wraps = past[damaged][1]
+        past = [(time, wraps), *past[:MOST_DAMAGED]]
+    return past[0][1] if past else 0
+
+
+def damaged_before(past, time, span):
+    """Number of damaged values before this one, which lies shortly after a value before them; several include no plausible wrap
+    unless another step is too long.
+    """
+    following, wrapped, leapt = time, False, False
+    for count, (value, _) in enumerate(past):
+        wrapped |= value - following > span // 2 and following + span - value <= span // 16
+        leapt |= following - value > span // 2
+        if count > 1 and wrapped and not leapt:
+            break
+        if 0 <= time - value <= span // 16:
+            return count
+        following = value
+    return 0
 
 
 class SensorClock:
@@ -327,7 +346,7 @@ class SensorClock:
 
     def __init__(self):
         self.wraps, self.stamp, self.ahead = 0, None, []
-        self.last = []  # the counter's last two values
+        self.last = []  # the counter's last values
 
     def packet(self, stamp, times, first, span):
         """Returns the number of wraps of the counter, of `span` us, before this packet if it was silent for so long
@@ -345,7 +364,7 @@ class SensorClock:
                 wraps, hidden = said, (said - self.wraps) // span
         self.ahead.append(stamp - wraps - first)
         self.wraps = wraps + span * (ended - begun)
-        self.stamp, self.last = stamp, seen[-2:]
+        self.stamp, self.last = stamp, [time for time, _ in itertools.groupby(seen)][-MOST_DAMAGED - 1:]
         return hidden
 
     def offset_us(self):

@@ -131,10 +131,11 @@ class Messages(unittest.TestCase):
         self.assertEqual(clock.packet(10 ** 15 + 8192, np.array([4096]), 4096, 1 << 24), 0)
         self.assertEqual(clock.ahead, [10 ** 15 - (1 << 24) + 4096] * 2)
 
-    def test_a_single_damaged_value_is_no_wrap(self):
+    def test_damaged_values_are_no_wrap(self):
         high = [100, 101, 102]
         for values, wraps in ((high, 0), ([100, 4000, 101], 0), ([3000, 3001, 16, 3002], 0), ([4095, 0, 1], 1), ([4094, 0, 4095, 0], 1),
-                              ([100, 4000, 4001, 102], 1)):
+                              ([100, 4000, 4001, 102], 0), ([2560, 4095, 256, 2561], 0),
+                              ([4090, 2047, 4095, 0, 2047, 4095, 0, 2047, 4091], 2), ([0, 1, 2, 3, 3000, 3001, 3002, 3003, 4000, 1], 1)):
             with self.subTest(values):
                 self.assertEqual(read_recording.wraps_of(values, 4096), wraps)
         clock, whole = read_recording.SensorClock(), [100, 101, 4000, 102, 103, 4095, 0, 1]

@@ -15,6 +15,7 @@ namespace fs = std::filesystem;
 constexpr size_t kBufferBytes = size_t(1) << 20;
 constexpr int64_t kLongestHeader = 1 << 16;
 constexpr int64_t kLargestSensor = 2048;  // 11 bits per coordinate
+constexpr int64_t kNear = 16;             // part of a time counter's range
 
 /// Word types of EVT 2.0 and 2.1: the four highest bits.
 enum class Evt2Type : uint32_t {
@@ -131,6 +132,59 @@ EvtHeader read_header(const fs::path& path, std::ifstream& file) {
   return header;
 }
 
+bool is_known_evt2(uint32_t word) {
+  switch (Evt2Type(bits(word, 28, 4))) {
+    case Evt2Type::kOff:
+    case Evt2Type::kOn:
+    case Evt2Type::kTimeHigh:
+    case Evt2Type::kTrigger:
+    case Evt2Type::kOthers:
+    case Evt2Type::kContinued:
+      return true;
+  }
+  return false;
+}
+
+bool is_known_evt3(uint32_t word) {
+  const uint32_t type = bits(word, 12, 4);
+  return type <= uint32_t(Evt3Type::kTimeHigh) ? type != 1 : is_known_evt2(word << 16) && type != 9;
+}
+
+/// A count of words, and of those that an encoding cannot have.
+struct Misfit {
+  int64_t words = 0, wrong = 0;
+  bool is_none() const { return 200 * wrong <= words; }
+  bool is_large() const { return wrong >= 20 && 100 * wrong > words; }
+};
+
+/// Words of unknown type, times that fall and, of EVT 2.1, vectors that do not begin at a
+/// multiple of 32 and times with a mask.
+Misfit misfit_of(EvtVersion version, const uint8_t* data, size_t size) {
+  Misfit out;
+  if (version == EvtVersion::kEvt3) {
+    for (size_t i = 0; i + 2 <= size; i += 2, ++out.words)
+      out.wrong += !is_known_evt3(word_at<uint16_t>(data + i));
+    return out;
+  }
+  const auto count = [&](size_t first, size_t step) {
+    Misfit found;
+    uint32_t latest = 0;
+    for (size_t i = first; i + step - first <= size; i += step, ++found.words) {
+      const auto word = word_at<uint32_t>(data + i);
+      const uint32_t type = bits(word, 28, 4), time = bits(word, 0, 28);
+      const bool is_time = type == uint32_t(Evt2Type::kTimeHigh);
+      const bool is_odd = step == 8 && type <= 1 && bits(word, 11, 5) != 0;
+      const bool is_full = step == 8 && is_time && word_at<uint32_t>(data + (i ^ 4)) != 0;
+      found.wrong += !is_known_evt2(word) || is_odd || is_full || (is_time && time < latest);
+      if (is_time) latest = time;
+    }
+    return found;
+  };
+  if (version == EvtVersion::kEvt2) return count(0, 4);
+  const Misfit first = count(0, 8), last = count(4, 8);
+  return first.wrong < last.wrong ? first : last;
+}
+
 }  // namespace
 
 void EvtEvents::clear() { x.clear(), y.clear(), t_us.clear(), polarity.clear(); }
@@ -145,6 +199,8 @@ EvtDecoder::EvtDecoder(const fs::path& path) : path_(path), file_(path, std::ios
   file_.seekg(header_.bytes);
   read_bytes_ = header_.bytes;
   buffer_.resize(kBufferBytes);
+  refill();
+  choose_version();
   if (header_.version == EvtVersion::kEvt21) choose_order();
 }
 
@@ -166,27 +222,28 @@ bool EvtDecoder::refill() {
   return false;
 }
 
+/// Headers that other programs write may name another version than that of the data.
+void EvtDecoder::choose_version() {
+  const auto misfit = [&](EvtVersion version) {
+    return misfit_of(version, &buffer_[at_], end_ - at_);
+  };
+  header_.named_version = header_.version;
+  if (!misfit(header_.version).is_large()) return;
+  for (const EvtVersion other : {EvtVersion::kEvt3, EvtVersion::kEvt2, EvtVersion::kEvt21}) {
+    if (!misfit(other).is_none()) continue;
+    header_.version = other;
+    return;
+  }
+}
+
 /// GenX320 writes 64-bit words little-endian; IMX636 writes their upper half first. The type is in
 /// the upper half: choose the order with more valid types.
 void EvtDecoder::choose_order() {
-  refill();
-  const auto known = [](uint32_t half) {
-    switch (Evt2Type(bits(half, 28, 4))) {
-      case Evt2Type::kOff:
-      case Evt2Type::kOn:
-      case Evt2Type::kTimeHigh:
-      case Evt2Type::kTrigger:
-      case Evt2Type::kOthers:
-      case Evt2Type::kContinued:
-        return true;
-    }
-    return false;
-  };
   // In the wrong half, a vector's mask contains any type; times and empty bits contain few.
   int64_t upper_first = 0, upper_last = 0;
   for (size_t i = at_; i + 8 <= end_; i += 8) {
     const auto first = word_at<uint32_t>(&buffer_[i]), last = word_at<uint32_t>(&buffer_[i + 4]);
-    upper_first += known(first), upper_last += known(last);
+    upper_first += is_known_evt2(first), upper_last += is_known_evt2(last);
     // The other half of a time word is unused.
     if (bits(first, 28, 4) == uint32_t(Evt2Type::kTimeHigh) && last == 0) ++upper_first;
     if (bits(last, 28, 4) == uint32_t(Evt2Type::kTimeHigh) && first == 0) ++upper_last;
@@ -194,24 +251,45 @@ void EvtDecoder::choose_order() {
   header_word_first_ = upper_first > upper_last;
 }
 
+/// Number of damaged values before this one, at most kMostDamaged: it lies shortly after a value
+/// before these. 0 if no wrap depends on them. Several damaged values include no plausible wrap,
+/// unless another step is too long.
+size_t EvtDecoder::damaged_before(int64_t high_us, int64_t range_us) const {
+  const auto follows = [&](int64_t from, int64_t to) {
+    return to >= from && to - from <= range_us / kNear;
+  };
+  const auto wraps = [&](int64_t from, int64_t to) {
+    return from - to > range_us / 2 && follows(from, to + range_us);
+  };
+  int64_t next_us = high_us;
+  bool has_wrap = false, has_leap = false;
+  for (size_t i = 0; i < past_count_; next_us = past_[i++].high_us) {
+    has_wrap |= wraps(past_[i].high_us, next_us);
+    has_leap |= next_us - past_[i].high_us > range_us / 2;
+    if (i > 1 && has_wrap && !has_leap) return 0;
+    if (!follows(past_[i].high_us, high_us)) continue;
+    const bool fell = high_us_ - high_us > range_us / 2;
+    return fell || past_[i].wrap_us != wrap_us_ ? i : 0;
+  }
+  return 0;
+}
+
 /// The counter of `count` bits counts steps of 2^shift µs; a decrease by more than half of its
-/// range is a wrap, unless a single value is damaged: then the next one is near that before it.
+/// range is a wrap, unless values are damaged: then a later one is near that before them.
 void EvtDecoder::set_time_high(int64_t value, int count, int shift) {
-  constexpr int64_t kNear = 16;  // part of the range
   const int64_t high = value << shift, range = int64_t(1) << (count + shift);
+  if (has_time_ && high == high_us_) return;
+  const size_t damaged = damaged_before(high, range);
   const bool fell = has_time_ && high_us_ - high > range / 2;
-  const bool rose = has_time_ && high - high_us_ > range / 2;
-  const int64_t since = high - before_leap_us_.value_or(INT64_MAX);
-  const bool returned = (fell || rose) && since >= 0 && since <= range / kNear;
-  const int wraps = returned ? -int(rose) : int(fell);  // a fall to a damaged value was none
-  wrap_us_ += wraps * range;
-  counts_.wraps += wraps;
-  counts_.astray += returned;
-  before_leap_us_.reset();
-  if ((fell || rose) && !returned) before_leap_us_ = high_us_;
-  if (!has_time_ || high != high_us_) time_us_ = wrap_us_ + high;
-  high_us_ = high;
+  const int64_t wrap = damaged > 0 ? past_[damaged].wrap_us : wrap_us_ + (fell ? range : 0);
+  counts_.wraps += (wrap - wrap_us_) / range;
+  counts_.astray += int64_t(damaged);
+  high_us_ = high, wrap_us_ = wrap;
+  time_us_ = wrap_us_ + high_us_;
   has_time_ = true;
+  std::copy_backward(past_.begin(), past_.end() - 1, past_.end());
+  past_[0] = {high_us_, wrap_us_};
+  past_count_ = std::min(past_count_ + 1, past_.size());
 }
 
 void EvtDecoder::add_event(int64_t x, int64_t y, bool on, EvtEvents& out) {

@@ -2,11 +2,11 @@
 // Prophesee's raw streams EVT 2.0, 2.1 and 3.0 (docs.prophesee.ai, "Data Encoding Formats").
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,9 +24,10 @@ constexpr auto words_of(EvtVersion) {
 
 /// The header lines of a file, which begin with '%'.
 struct EvtHeader {
-  EvtVersion version = EvtVersion::kEvt3;
-  int64_t width = 0, height = 0;  ///< 0: unknown
-  int64_t bytes = 0;              ///< size of the header
+  EvtVersion version = EvtVersion::kEvt3;        ///< that of the data
+  EvtVersion named_version = EvtVersion::kEvt3;  ///< that of the header
+  int64_t width = 0, height = 0;                 ///< 0: unknown
+  int64_t bytes = 0;                             ///< size of the header
   std::map<std::string, std::string> fields;
 };
 
@@ -48,8 +49,8 @@ struct EvtCounts {
   int64_t backwards = 0;    ///< events earlier than their predecessor, kept
   int64_t unknown = 0;      ///< words of unknown type, skipped
   int64_t wraps = 0;        ///< wraps of the sensor's time counter
-  int64_t astray = 0;       ///< single damaged times, after which the counter goes on as before
-  int64_t cut_bytes = 0;    ///< bytes of an incomplete word at the end of the file
+  int64_t astray = 0;     ///< damaged times, up to four, after which the counter goes on as before
+  int64_t cut_bytes = 0;  ///< bytes of an incomplete word at the end of the file
 };
 
 /// Decodes a file in pieces, with memory independent of its length: 1 MiB of the file and the
@@ -75,6 +76,7 @@ class EvtDecoder {
 
  private:
   bool refill();
+  void choose_version();
   void choose_order();
   /// Decodes a word of EVT2, or the half of an EVT2.1 word that contains its type.
   /// @param events  called with x, y and polarity of a word of events
@@ -83,6 +85,7 @@ class EvtDecoder {
   void decode_evt2(int64_t max_events, EvtEvents& out);
   void decode_evt21(int64_t max_events, EvtEvents& out);
   void decode_evt3(int64_t max_events, EvtEvents& out);
+  size_t damaged_before(int64_t high_us, int64_t range_us) const;
   void set_time_high(int64_t value, int bits, int shift);
   void add_event(int64_t x, int64_t y, bool on, EvtEvents& out);
   void add_trigger(int64_t channel, bool rising);
@@ -98,7 +101,12 @@ class EvtDecoder {
   EvtCounts counts_;
   // State of the stream.
   bool has_time_ = false;
-  std::optional<int64_t> before_leap_us_;  // the counter before its last step, if that was long
+  static constexpr size_t kMostDamaged = 4;
+  struct HighTime {
+    int64_t high_us = 0, wrap_us = 0;
+  };
+  std::array<HighTime, kMostDamaged + 1> past_{};  // last values of the counter, the latest first
+  size_t past_count_ = 0;
   int64_t high_us_ = 0, wrap_us_ = 0, time_us_ = 0, latest_us_ = INT64_MIN;
   int64_t row_ = 0, base_x_ = 0;
   bool base_on_ = false;

@@ -81,6 +81,12 @@ void note_counts(const fs::path& path, const EvtDecoder& decoder, Recording& rec
   const auto warn = [&](int64_t count, const char* what) {
     if (count > 0) recording.warnings.push_back(concat(path.string(), ": ", count, what));
   };
+  const EvtHeader& header = decoder.header();
+  if (header.version != header.named_version) {
+    recording.warnings.push_back(concat(path.string(), ": its header says ",
+                                        word_of(header.named_version), ", its data are ",
+                                        word_of(header.version), " and are read as such"));
+  }
   const EvtCounts& c = decoder.counts();
   warn(c.outside, " events lie beside the sensor and were dropped; the file may be damaged");
   warn(c.before_time, " events stand before the first time stamp and were dropped");
@@ -88,7 +94,7 @@ void note_counts(const fs::path& path, const EvtDecoder& decoder, Recording& rec
   warn(c.astray, " times lie far from those around them; the file may be damaged");
   warn(c.cut_bytes, " bytes at the end are no whole word and were skipped; the file was cut short");
   warn(c.backwards, " times the clock went backwards; the events have been sorted");
-  if (decoder.header().width == 0)
+  if (header.width == 0)
     recording.notes.push_back(concat(path.string(), ": its header does not say the sensor's size"));
 }
 
