@@ -315,12 +315,65 @@ TEST_CASE("recording: lists are those of the recording and its camera", "[record
   CHECK(first_us(colmap) == 1080000);
 }
 
+TEST_CASE("recording: the only folder with frames is read, whatever its name", "[recording]") {
+  const TempDir dir;
+  for (const char* images : {"rgb", "imgs", "cam0/data", "image_0", "left/cam/images"}) {
+    const auto folder = dir / concat("of_", std::string(images).substr(0, 3));
+    dir.write(folder / "events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+    write_frames(folder / images, 2);
+    write_frames(folder / "depth", 3);
+    write_frames(folder / "masks", 2);
+    dir.write(folder / "timestamps.txt", "1000000\n1100000\n");
+    const Recording recording = read_recording(folder);
+    CAPTURE(images, notes_of(recording));
+    REQUIRE(recording.frames.size() == 2);
+    CHECK(recording.frames[1].t_start_us == 1100000);
+    CHECK_THAT(notes_of(recording), test::naming(images, "read as the frames"));
+  }
+  // TUM's list has the folder's name.
+  std::filesystem::remove(dir / "of_rgb/timestamps.txt");
+  dir.write("of_rgb/rgb.txt", "# time file\n1.2 rgb/f0.png\n1.3 rgb/f1.png\n");
+  CHECK(read_recording(dir / "of_rgb").frames.at(1).t_start_us == 1300000);
+}
+
+TEST_CASE("recording: of two folders of frames, or two lists, that with times is read",
+          "[recording]") {
+  const TempDir dir;
+  dir.write("rec/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+  write_frames(dir / "rec/images", 2);
+  write_frames(dir / "rec/frames", 3);
+  CHECK(read_recording(dir / "rec").frames.empty());
+  dir.write("rec/frames/timestamps.txt", "1000000\n1100000\n1200000\n");
+  const Recording chosen = read_recording(dir / "rec");
+  CHECK(chosen.frames.size() == 3);
+  CHECK_THAT(notes_of(chosen), test::naming("rec/frames", "not those of images", "--frames"));
+  dir.write("rec/images/timestamps.txt", "1000000\n1100000\n");
+  CHECK(read_recording(dir / "rec").frames.size() == 2);
+  // A folder that the user gives has the lists above it, too.
+  std::filesystem::remove(dir / "rec/images/timestamps.txt");
+  ReadOptions options;
+  options.frames = dir / "rec/images";
+  dir.write("rec/images.txt", "1.5 images/f0.png\n1.6 images/f1.png\n");
+  CHECK(read_recording(dir / "rec/events.txt", options).frames.at(0).t_start_us == 1500000);
+  options.frames = dir / "rec/frames";
+  CHECK(read_recording(dir / "rec/events.txt", options).frames.at(0).t_start_us == 1000000);
+  // exposures.csv counts, and a list that differs is named.
+  dir.write("rec/exposures.csv", "f0,1499000,1501000\nf1,1599000,1601000\n");
+  CHECK_THAT(notes_of(read_recording(dir / "rec")), !test::naming("exposures.csv: gives"));
+  dir.write("rec/exposures.csv", "f0,1499000,1501000\nf1,1549000,1551000\n");
+  const Recording differing = read_recording(dir / "rec");
+  CHECK(differing.frames.at(1).t_start_us == 1549000);
+  CHECK_THAT(notes_of(differing), test::naming("exposures.csv", "images.txt", "49 ms", "1 of 2"));
+}
+
 TEST_CASE("recording: what a folder has but is not read is named", "[recording]") {
   const TempDir dir;
   const auto said = [&](const std::string& name) { return notes_of(read_recording(dir / name)); };
-  dir.write("rgb/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
-  write_frames(dir / "rgb/rgb", 2);
-  CHECK_THAT(said("rgb"), test::naming("found some in", "rgb/rgb", "--frames"));
+  dir.write("two_cameras/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+  write_frames(dir / "two_cameras/cam0/data", 2);
+  write_frames(dir / "two_cameras/cam1/data", 2);
+  CHECK_THAT(said("two_cameras"),
+             test::naming("found some in", "two_cameras/cam0/data", "cam1/data", "--frames"));
   write_frames(dir / "two/images", 2);
   dir.write("two/exposures.csv", "f0,1000000,1050000\nf1,1100000,1150000\n");
   dir.write("two/a_events.txt", "0.9 0 0 1\n");
@@ -778,7 +831,7 @@ TEST_CASE("recording: a folder without frames and an archive of frames are named
   CHECK_THAT(notes_of(read_recording(dir / "rec")), test::naming("rec/images", "found none"));
   imaging::write_image(dir / "rec/images/cam0/a.png", torch::full({3, 6, 8}, 0.5));
   CHECK_THAT(notes_of(read_recording(dir / "rec")),
-             test::naming("rec/images", "found none", "rec/images/cam0"));
+             test::naming("rec/images/cam0", "read as the frames"));
   ReadOptions options;
   options.frames = dir / "rec/images";
   CHECK_THAT(error_of([&] { read_recording(dir / "rec/events.csv", options); }),

@@ -105,12 +105,16 @@ void read_frames(std::vector<FrameFile> files, Recording& recording);
 /// Images directly in a folder; 0 also for one that is missing or may not be read.
 size_t count_images(const std::filesystem::path& folder);
 
+/// Folders below this one with images, sorted; not of masks.
+std::vector<std::filesystem::path> image_folders(const std::filesystem::path& folder);
+
 /// A mask for all frames beside them, not a frame.
 bool is_mask_of_all(const std::filesystem::path& image);
 
-/// The images of a folder, with the times of the first list that it or `root` has: exposures.csv,
-/// timestamps.npz, images.txt, which also says which images, those of add_frame_list(), or the
-/// names. Without these, and with options.frame_times, images have no times.
+/// The images of a folder, with the times of the first list in list_folders(): exposures.csv,
+/// timestamps.npz, images.txt (or FOLDER.txt), which also says which images, those of
+/// add_frame_list(), or the names. Without these, and with options.frame_times, images have no
+/// times. Warns if another list differs from exposures.csv.
 /// @param images,root  as for add_frame_list(); empty images: only those of images.txt
 std::vector<FrameFile> timed_images(const std::filesystem::path& images,
                                     const std::filesystem::path& root, const ReadOptions& options,
@@ -152,6 +156,11 @@ void add_npz_times(const std::filesystem::path& path, events::TimeUnit unit,
 bool add_frame_list(const std::filesystem::path& images, const std::filesystem::path& root,
                     const ReadOptions& options, std::vector<FrameFile>& files,
                     Recording& recording);
+
+/// Folders that may have lists of the images: theirs and those above it, up to the root or, without
+/// one, two while names have words of public data sets.
+std::vector<std::filesystem::path> list_folders(const std::filesystem::path& images,
+                                                const std::filesystem::path& root);
 
 /// The tests of std::filesystem without its exceptions: false for links in a loop and folders that
 /// may not be entered.

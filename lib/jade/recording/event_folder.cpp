@@ -32,6 +32,10 @@ constexpr const char* kEventNames[] = {
     "events_left.h5", "events.npz",       "events.npy",
     "events.csv",     "events.csv.gz",    "events.raw"};
 
+/// Parts of names of folders whose images are no frames.
+constexpr const char* kMaps[] = {"depth",  "disparity", "flow",    "mask",
+                                 "semant", "segment",   "preview", "thumb"};
+
 bool has_ending_of(const std::string& name, std::initializer_list<const char*> endings) {
   return std::any_of(endings.begin(), endings.end(),
                      [&](const char* ending) { return has_ending(name, ending); });
@@ -108,22 +112,73 @@ bool is_text(const fs::path& events) {
   return has_ending(name, ".txt") || has_ending(name, ".txt.gz");
 }
 
-/// Folder of the images: one of the usual names, or the recording's own unless a folder in it has
-/// more images. Empty without images.
-fs::path images_in(const fs::path& folder) {
+/// The only folder below with images, but for those of depth and other maps. Empty: none, or
+/// several.
+fs::path only_images_below(const fs::path& folder) {
+  std::vector<fs::path> found = image_folders(folder);
+  const auto is_map = [](const fs::path& images) {
+    const std::string name = in_small_letters(images.filename().string());
+    return std::any_of(std::begin(kMaps), std::end(kMaps),
+                       [&](const char* map) { return name.find(map) != std::string::npos; });
+  };
+  found.erase(std::remove_if(found.begin(), found.end(), is_map), found.end());
+  return found.size() == 1 ? found.front() : fs::path();
+}
+
+/// Folders of the images: those of usual names, else the recording's own unless a folder in it has
+/// more images, else the only one below.
+std::vector<fs::path> images_in(const fs::path& folder, Recording& recording) {
+  std::vector<fs::path> out;
   for (const char* name : {"images_1", "images", "frames", "images/left/rectified",
                            "images/left/distorted", "left_images"}) {
-    if (count_images(folder / name) > 0) return folder / name;
+    if (count_images(folder / name) > 0) out.push_back(folder / name);
   }
+  if (!out.empty()) return out;
   const size_t own = count_images(folder);
-  if (own == 0) return {};
   std::error_code error;
+  bool has_more_below = own == 0;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string name = in_small_letters(entry->path().filename().string());
-    if (name[0] != '.' && name != "masks" && count_images(entry->path()) > own) return {};
+    has_more_below |= name[0] != '.' && name != "masks" && count_images(entry->path()) > own;
   }
-  return folder;
+  if (!has_more_below) return {folder};
+  const fs::path only = only_images_below(folder);
+  if (only.empty()) return {};
+  recording.notes.push_back(concat(only.string(), ": its images are read as the frames"));
+  return {only};
+}
+
+/// The images of the first of these folders that has their times, else of the first.
+/// @param places  their folders; the first becomes that of the images
+std::vector<FrameFile> images_with_times(std::vector<fs::path>& places, const fs::path& root,
+                                         const ReadOptions& options, Recording& recording) {
+  if (places.empty()) places.emplace_back();
+  const auto are_timed = [](const std::vector<FrameFile>& files) {
+    return std::any_of(files.begin(), files.end(),
+                       [](const FrameFile& file) { return file.time.has_value(); });
+  };
+  const Recording before = recording;
+  std::vector<FrameFile> files = timed_images(places[0], root, options, recording);
+  if (!options.frames.empty() || places.size() == 1) return files;
+  for (size_t i = 1; i < places.size() && options.frame_times.empty() && !are_timed(files); ++i) {
+    Recording other = before;
+    std::vector<FrameFile> found;
+    try {
+      found = timed_images(places[i], root, options, other);
+    } catch (const DataError&) {
+      continue;
+    }
+    if (!are_timed(found)) continue;
+    files = std::move(found), recording = std::move(other);
+    std::swap(places[0], places[i]);
+  }
+  std::vector<std::string> others;
+  for (size_t i = 1; i < places.size(); ++i)
+    others.push_back(places[i].lexically_relative(root).string());
+  recording.notes.push_back(concat(places[0].string(), ": its images are read as the frames, not ",
+                                   "those of ", listing(others), "; choose others with --frames"));
+  return files;
 }
 
 /// The first line is "format …"; other files of this name are the user's notes.
@@ -331,8 +386,9 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
   recording.format = "folder of frames and events";
   recording.stamp = options.stamp.value_or(Stamp::kMiddle);
   recording.calibrations = find_calibrations(folder);
-  const fs::path images = images_in(folder);
-  out.files = timed_images(images, folder, options, recording);
+  std::vector<fs::path> places = images_in(folder, recording);
+  out.files = images_with_times(places, folder, options, recording);
+  const fs::path& images = places.front();
   if (out.files.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
   const fs::path events = events_in(folder);
   const auto others = events.empty() ? unfound_events(folder) : std::vector<std::string>();

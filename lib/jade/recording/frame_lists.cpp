@@ -58,29 +58,6 @@ std::string side_of(const fs::path& images) {
   return "left";
 }
 
-/// Folders that may have lists: that of the images and, while names have words of the layouts, the
-/// two above it.
-/// @param root  none above this one; empty: no limit
-std::vector<fs::path> folders_of(const fs::path& images, const fs::path& root) {
-  const auto whole = [](const fs::path& folder) {
-    const fs::path path = fs::absolute(folder).lexically_normal();
-    return path.has_filename() ? path : path.parent_path();
-  };
-  std::vector<fs::path> out{whole(images)};
-  while (out.size() < 3 && (root.empty() || out.back() != whole(root))) {
-    const std::vector<std::string> words = name_words(out.back());
-    const auto has = [&](const char* word) {
-      return std::find(words.begin(), words.end(), word) != words.end();
-    };
-    const bool is_side = !words.empty() && (words.back() == "left" || words.back() == "right");
-    const bool is_part = is_side || has("image") || has("images") || has("frame") ||
-                         has("frames") || has("rectified") || has("distorted") || has("data");
-    if (!is_part) break;
-    out.push_back(out.back().parent_path());
-  }
-  return out;
-}
-
 /// Whether one of the first two lines has a number.
 bool has_numbers(const fs::path& list) {
   std::istringstream text(io::read_text(list));
@@ -362,6 +339,28 @@ std::optional<double> number_in(const std::string& word) {
   return value;
 }
 
+std::vector<fs::path> list_folders(const fs::path& images, const fs::path& root) {
+  const auto whole = [](const fs::path& folder) {
+    const fs::path path = fs::absolute(folder).lexically_normal();
+    return path.has_filename() ? path : path.parent_path();
+  };
+  std::vector<fs::path> out{whole(images)};
+  while (!root.empty() && out.back() != whole(root) && out.back().has_relative_path())
+    out.push_back(out.back().parent_path());
+  while (root.empty() && out.size() < 3) {
+    const std::vector<std::string> words = name_words(out.back());
+    const auto has = [&](const char* word) {
+      return std::find(words.begin(), words.end(), word) != words.end();
+    };
+    const bool is_side = !words.empty() && (words.back() == "left" || words.back() == "right");
+    const bool is_part = is_side || has("image") || has("images") || has("frame") ||
+                         has("frames") || has("rectified") || has("distorted") || has("data");
+    if (!is_part) break;
+    out.push_back(out.back().parent_path());
+  }
+  return out;
+}
+
 bool apply_numbers(const fs::path& path, const ReadOptions& options, std::vector<FrameFile>& files,
                    Recording& recording) {
   if (!has_no_names(path)) return false;
@@ -415,7 +414,7 @@ bool apply_named_times(const fs::path& path, const ReadOptions& options,
 bool add_frame_list(const fs::path& images, const fs::path& root, const ReadOptions& options,
                     std::vector<FrameFile>& files, Recording& recording) {
   if (files.empty()) return false;
-  const std::vector<fs::path> folders = folders_of(images, root);
+  const std::vector<fs::path> folders = list_folders(images, root);
   const std::string side = side_of(images);
   std::vector<std::string>& notes = recording.notes;
   if (add_spans(folders, side, options.time_unit, files, recording)) return true;

@@ -106,27 +106,14 @@ std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& fol
   return out;
 }
 
-/// For messages about a folder without images: a folder below it that has some, or its files of
+/// For messages about a folder without images: those below it that have some, or its files of
 /// another kind; empty if there are neither.
 std::string unfound_images(const fs::path& folder) {
-  std::error_code error;
-  std::vector<fs::path> below;
-  constexpr int kDeepest = 3;
-  const auto options = fs::directory_options::skip_permission_denied;
-  for (fs::recursive_directory_iterator entry(folder, options, error), end; !error && entry != end;
-       entry.increment(error)) {
-    std::error_code ignored;
-    const std::string name = in_small_letters(entry->path().filename().string());
-    const bool is_passed = name[0] == '.' || name == "masks";
-    if (is_passed || entry.depth() >= kDeepest) entry.disable_recursion_pending();
-    if (!is_passed && entry->is_directory(ignored) && count_images(entry->path()) > 0)
-      below.push_back(entry->path());
-  }
-  std::sort(below.begin(), below.end());
+  std::vector<std::string> below;
+  for (const fs::path& each : image_folders(folder)) below.push_back(each.string());
   if (below.empty()) return imaging::unread_images(folder);
-  return concat("; found some in ", below.front().string(),
-                below.size() == 1 ? "" : concat(" and ", below.size() - 1, " more folders"),
-                "; give that folder with --frames");
+  return concat("; found some in ", listing(below), "; give ",
+                below.size() == 1 ? "that folder" : "one of these folders", " with --frames");
 }
 
 /// The images of images.txt.
@@ -159,6 +146,50 @@ std::vector<FrameFile> images_of(const fs::path& images, const fs::path& root,
 bool is_of_colmap(const fs::path& list) {
   return is_file(list.parent_path() / "cameras.txt") ||
          io::read_text(list).find("IMAGE_ID, QW") != std::string::npos;
+}
+
+bool is_same(const fs::path& a, const fs::path& b) {
+  std::error_code ignored;
+  return fs::equivalent(a, b, ignored);
+}
+
+/// Times of the files by another list than exposures.csv; none if it cannot be read.
+void try_other_lists(const fs::path& images, const fs::path& root, const fs::path& npz,
+                     const ReadOptions& options, std::vector<FrameFile>& files) {
+  Recording ignored;
+  try {
+    if (npz.empty()) {
+      add_frame_list(images, root, options, files, ignored);
+    } else {
+      add_npz_times(npz, options.time_unit, files, ignored);
+    }
+  } catch (const DataError&) {
+    files.clear();
+  }
+  if (!files.empty() && files[0].has_named_time) files.clear();  // names are no list
+}
+
+/// Warns of frames whose time in another list is neither in their exposure nor near it.
+/// @param others  the files of `files` with their times by that list
+void check_agreement(const fs::path& exposures, const fs::path& list,
+                     const std::vector<FrameFile>& others, const std::vector<FrameFile>& files,
+                     Recording& recording) {
+  constexpr int64_t kNearUs = 1000;
+  if (others.size() != files.size()) return;
+  int64_t differ = 0, most_us = 0;
+  for (size_t i = 0; i < files.size(); ++i) {
+    if (!others[i].time) return;
+    const events::TimeWindow &a = *files[i].time, &b = *others[i].time;
+    const int64_t apart = std::max(a.begin_us - b.end_us, b.begin_us - a.end_us);
+    differ += apart > kNearUs + a.duration_us();
+    most_us = std::max(most_us, apart);
+  }
+  if (differ == 0) return;
+  recording.warnings.push_back(
+      concat(exposures.string(), ": gives the exposures, but ",
+             list.empty() ? "another list of times" : list.filename().string(), " has times up to ",
+             1e-3 * double(most_us), " ms beside them for ", differ, " of ", files.size(),
+             " frames; remove the list that is wrong"));
 }
 
 bool lacks_length(const FrameFile& file) { return !file.time || file.time->duration_us() == 0; }
@@ -350,26 +381,56 @@ size_t count_images(const fs::path& folder) {
   }
 }
 
+std::vector<fs::path> image_folders(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> out;
+  constexpr int kDeepest = 3;
+  const auto options = fs::directory_options::skip_permission_denied;
+  for (fs::recursive_directory_iterator entry(folder, options, error), end; !error && entry != end;
+       entry.increment(error)) {
+    std::error_code ignored;
+    const std::string name = in_small_letters(entry->path().filename().string());
+    const bool is_passed = name[0] == '.' || name == "masks";
+    if (is_passed || entry.depth() >= kDeepest) entry.disable_recursion_pending();
+    if (!is_passed && entry->is_directory(ignored) && count_images(entry->path()) > 0)
+      out.push_back(entry->path());
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
 std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root,
                                     const ReadOptions& options, Recording& recording) {
-  const auto found = [&](const char* name) {
-    for (const fs::path& folder : {images, root}) {
-      if (!folder.empty() && is_file(folder / name)) return folder / name;
+  const auto found = [&](const std::string& name) {
+    for (const fs::path& folder : list_folders(images.empty() ? root : images, root)) {
+      if (is_file(folder / name)) return folder / name;
     }
     return fs::path();
   };
   // Times that the user gives replace all of the folder.
   const bool given = !options.frame_times.empty();
   const fs::path exposures = given ? fs::path() : found("exposures.csv");
-  const fs::path npz = given || !exposures.empty() ? fs::path() : found("timestamps.npz");
-  const fs::path lines = npz.empty() ? found("images.txt") : fs::path();
+  const fs::path npz = given ? fs::path() : found("timestamps.npz");
   std::vector<FrameFile> out;
-  if (!lines.empty() && !is_of_colmap(lines)) out = listed_or_none(lines, given, recording);
+  fs::path lines;
+  for (const std::string& name : {std::string("images.txt"), images.filename().string() + ".txt"}) {
+    lines = found(name);
+    if (lines.empty() || is_of_colmap(lines) || (!npz.empty() && exposures.empty())) continue;
+    Recording with_list = recording;
+    std::vector<FrameFile> files = listed_or_none(lines, given || name != "images.txt", with_list);
+    // A list above the folder that the user gives may be that of other images.
+    if (files.empty() || (root.empty() && !is_same(files[0].path.parent_path(), images))) continue;
+    out = std::move(files), recording = std::move(with_list);
+    break;
+  }
   const bool listed = !out.empty();
   if (!listed && !images.empty()) out = images_of(images, root, recording);
   if (out.empty()) return out;
   if (!exposures.empty()) {
+    std::vector<FrameFile> others = out;
     apply_exposures(exposures, read_exposures(exposures), out, recording);
+    if (!listed) try_other_lists(images, root, npz, options, others);
+    check_agreement(exposures, listed ? lines : npz, others, out, recording);
   } else if (!npz.empty()) {
     add_npz_times(npz, options.time_unit, out, recording);
   } else if (!listed && !given) {
