@@ -349,6 +349,33 @@ TEST_CASE("recording: a zip of the folder, at its root or within a folder", "[re
   unsetenv("TMPDIR");
 }
 
+TEST_CASE("recording: of a folder with one recording in it, that is read", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  std::filesystem::create_directories(dir / "folder");
+  zip_folder(dir / "rpg", dir / "folder/rpg.zip", "");
+  const Recording recording = read_recording(dir / "folder");
+  check_rpg(recording);
+  CHECK(has_note(recording, "rpg.zip: the only recording"));
+  std::filesystem::copy_file(dir / "folder/rpg.zip", dir / "folder/other.zip");
+  CHECK_THAT(message_of([&] { read_recording(dir / "folder"); }),
+             test::naming("folder", "other.zip, rpg.zip"));
+}
+
+TEST_CASE("recording: an empty file of events gives way to another", "[recording]") {
+  const TempDir dir;
+  write_rpg_folder(dir, "rpg");
+  std::filesystem::rename(dir / "rpg/events.txt", dir / "rpg/events.csv");
+  for (const char* text : {"", "# t x y p\n", "t,x,y,p\n"}) {
+    dir.write("rpg/events.txt", text);
+    const Recording recording = read_recording(dir / "rpg");
+    check_rpg(recording);
+    CHECK(has_note(recording, "found events.txt beside events.csv, which is read"));
+  }
+  std::filesystem::remove(dir / "rpg/events.csv");
+  CHECK(has_note(read_recording(dir / "rpg"), "there are no events"));
+}
+
 TEST_CASE("recording: a zip whose frames are in frames/ or beside the events", "[recording]") {
   const TempDir dir;
   for (const std::string images : {"frames/", "images_1/", "img/", ""}) {

@@ -93,11 +93,32 @@ std::vector<fs::path> event_files_in(const fs::path& folder, const std::string& 
   return out;
 }
 
-/// The file of the events: one of the usual names, else the only one whose name says so.
-fs::path events_in(const fs::path& folder) {
-  for (const char* name : kEventNames) {
-    if (is_file(folder / name)) return folder / name;
+/// Whether a file is empty, or a short text whose lines are comments or a header.
+bool is_blank(const fs::path& path) {
+  constexpr uintmax_t kShort = 4096;
+  std::error_code error;
+  const uintmax_t bytes = fs::file_size(path, error);
+  const bool is_text = has_ending_of(path.filename().string(), {".txt", ".csv"});
+  if (error || bytes == 0 || bytes > kShort || !is_text) return !error && bytes == 0;
+  std::ifstream text(path);
+  for (std::string line; std::getline(text, line);) {
+    const auto first = line.find_first_not_of(" \t\r");
+    if (first != std::string::npos && line.find_first_of("0123456789+-.", first) == first)
+      return false;
   }
+  return true;
+}
+
+/// The file of the events: one of the usual names, else the only one whose name says so. One
+/// without events only if there is no other.
+fs::path events_in(const fs::path& folder) {
+  fs::path blank;
+  for (const char* name : kEventNames) {
+    if (!is_file(folder / name)) continue;
+    if (!is_blank(folder / name)) return folder / name;
+    if (blank.empty()) blank = folder / name;
+  }
+  if (!blank.empty()) return blank;
   for (const auto& [where, word] :
        {std::pair(folder, "events"), std::pair(folder / "events", "")}) {
     const std::vector<fs::path> files = event_files_in(where, word);

@@ -142,7 +142,33 @@ Format file_format(const fs::path& path) {
   throw DataError(concat(path.string(), ": ", kReadable, ", found another kind of file"));
 }
 
+/// The only recording that a camera wrote, or its archive, in a folder without images; empty: none
+/// or several.
+fs::path only_recording(const fs::path& folder) {
+  std::vector<fs::path> found;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = in_small_letters(entry->path().filename().string());
+    for (const char* kind :
+         {".aedat", ".aedat4", ".bag", ".mcap", ".db3", ".dat", ".raw", ".zip"}) {
+      if (name[0] != '.' && has_ending(name, kind) && is_file(entry->path()))
+        found.push_back(entry->path());
+    }
+  }
+  if (found.size() != 1 || count_images(folder) > 0 || !image_folders(folder).empty()) return {};
+  return found.front();
+}
+
 }  // namespace
+
+fs::path recording_in(const fs::path& path) {
+  if (!is_folder(path) || is_event_folder(path) ||
+      (is_file(path / "metadata.yaml") && holds_bag(path)))
+    return path;
+  const fs::path only = only_recording(path);
+  return only.empty() ? path : only;
+}
 
 Format recognise(const fs::path& path) {
   std::error_code ignored;
@@ -152,6 +178,7 @@ Format recognise(const fs::path& path) {
   if (is_event_folder(path)) return Format::kFrameFolder;
   if (fs::is_regular_file(path / "metadata.yaml", ignored) && holds_bag(path))
     return Format::kRosBag;
+  if (const fs::path only = only_recording(path); !only.empty()) return file_format(only);
   const std::vector<std::string> packed = packed_files(path);
   const std::vector<std::string> others =
       packed.empty() ? unfound_events(path) : std::vector<std::string>();

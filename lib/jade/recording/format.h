@@ -23,6 +23,9 @@ constexpr auto words_of(Format) {
                     Word{"ROS bag", Format::kRosBag}};
 }
 
+/// The file of a folder that has only one recording, and no images; other paths as they are.
+std::filesystem::path recording_in(const std::filesystem::path& path);
+
 /// Recognises a format from the first bytes of a file, or the content of a folder. Does not
 /// validate it: reading may still fail.
 /// @throws DataError for paths that are missing, empty or of an unsupported format.

@@ -372,11 +372,14 @@ void check_unit(const Recording& recording) {
 
 }  // namespace
 
-Recording read_recording(const fs::path& path, const ReadOptions& options) {
+Recording read_recording(const fs::path& given, const ReadOptions& options) {
+  const fs::path path = recording_in(given);
   check_choice(path, options);
   Contents contents = read_contents(path, options);
   Recording& recording = contents.recording;
   recording.source = path;
+  if (path != given)
+    recording.notes.push_back(concat(path.string(), ": the only recording of the folder is read"));
   if (!options.frames.empty()) replace_frames(options.frames, options, contents);
   complete_exposures(options, contents);
   const auto span = wanted_span(options, contents);
