@@ -45,6 +45,24 @@ std::optional<double> number_named(const std::filesystem::path& file) {
   return number_in(name);
 }
 
+/// The step of numbers that count from 0, or from the step: a divisor of all steps. 0: they do not.
+double counting_step(const std::vector<FrameFile>& files) {
+  std::vector<double> numbers;
+  for (const FrameFile& file : files) {
+    const std::optional<double> number = number_named(file.path);
+    if (!file.has_named_time || !number || std::floor(*number) != *number) return 0;
+    numbers.push_back(*number);
+  }
+  std::sort(numbers.begin(), numbers.end());
+  if (numbers.size() < 2 || unit_since_1970(numbers.back())) return 0;
+  double step = numbers.back();
+  for (size_t i = 1; i < numbers.size(); ++i) step = std::min(step, numbers[i] - numbers[i - 1]);
+  const auto fits = [&](double number) { return std::fmod(number, step) == 0; };
+  const bool is_counted =
+      numbers.front() <= step && std::all_of(numbers.begin(), numbers.end(), fits);
+  return is_counted ? step : 0;
+}
+
 }  // namespace
 
 std::optional<TimeUnit> likely_unit(const std::vector<double>& times) {
@@ -114,6 +132,29 @@ bool add_times_of_names(const std::filesystem::path& images, const ReadOptions& 
   files = std::move(timed);
   check_apart(images, files, recording);
   return true;
+}
+
+void drop_counts(const std::filesystem::path& images, const ReadEvents& read_events,
+                 int64_t ahead_us, std::vector<FrameFile>& files, Recording& recording) {
+  constexpr double kShare = 0.5;  // that frames and events have in common
+  const double step = counting_step(files);
+  const std::optional<events::TimeWindow> frames = span_of(files, ahead_us);
+  if (step == 0 || !read_events || !frames) return;
+  Recording look;
+  read_events({Kept(std::in_place), frames}, look);
+  const events::TimeWindow& all = look.stored_us;
+  const auto shared =
+      double(std::min(frames->end_us, all.end_us) - std::max(frames->begin_us, all.begin_us));
+  if (look.stored_events == 0 ||
+      shared >= kShare * double(std::max(frames->duration_us(), all.duration_us())))
+    return;
+  for (FrameFile& file : files) file.time.reset(), file.has_named_time = false;
+  recording.warnings.push_back(concat(
+      images.string(), ": expected names of frames that are times of the recording, found numbers ",
+      "in steps of ", step, " that would be ", 1e-6 * double(frames->begin_us), " to ",
+      1e-6 * double(frames->end_us), " s, while events last from ", 1e-6 * double(all.begin_us),
+      " to ", 1e-6 * double(all.end_us),
+      " s; they are taken as counts: give the times with --frame-times"));
 }
 
 }  // namespace jade::recording
