@@ -264,6 +264,28 @@ TEST_CASE("recording: names that are times are read as such, and numbers that co
   CHECK(times_of({"0.055.png", "0.17.png", "0.4.png", "preview.png"}).size() == 3);
 }
 
+TEST_CASE("recording: a list with a line too many is not shifted by one", "[recording]") {
+  const TempDir dir;
+  dir.write("rec/events.txt", "0.0001 0 0 1\n2.5 7 5 0\n");
+  for (const char* name : {"000001", "000002", "000003"})
+    imaging::write_image(dir / concat("rec/images/", name, ".png"), torch::full({3, 6, 8}, 0.5));
+  const auto first_us = [&](const std::string& list) {
+    dir.write("rec/timestamps.txt", list);
+    return read_recording(dir / "rec").frames.at(0).t_start_us;
+  };
+  CHECK(first_us("1000000\n1100000\n1200000\n") == 1000000);
+  CHECK_THAT(error_of([&] { first_us("1000000\n1100000\n1200000\n1300000\n"); }),
+             test::naming("timestamps.txt", "4 lines", "3 frames counted from 1", "--frame-times"));
+  CHECK_THAT(error_of([&] { first_us("1000000\n1100000\n"); }),
+             test::naming("timestamps.txt", "2 lines", "3 frames", "none for"));
+  // The list counts itself.
+  CHECK(first_us("0 1000000\n1 1100000\n2 1200000\n3 1300000\n") == 1100000);
+  CHECK(first_us("1 1000000\n2 1100000\n3 1200000\n4 1300000\n") == 1000000);
+  // The last frame has the last line.
+  std::filesystem::remove(dir / "rec/images/000002.png");
+  CHECK(first_us("1000000\n1100000\n1200000\n") == 1000000);
+}
+
 TEST_CASE("recording: names in steps are times only if they fit the events", "[recording]") {
   const TempDir dir;
   for (const char* name : {"00000000", "00005000", "00010000", "00015000"})

@@ -190,24 +190,54 @@ std::optional<size_t> number_of(const fs::path& file) {
   return number;
 }
 
+/// Whether the first number of each line is that of its frame.
+bool has_frame_numbers(const NumberList& list) {
+  for (size_t i = 0; i < list.rows.size(); ++i) {
+    if (list.rows[i][0] != list.rows[0][0] + double(i)) return false;
+  }
+  return true;
+}
+
+/// The number of the frame that a list of more or fewer lines than frames begins with: its own, or
+/// 0; 1 if the last line is that of the last frame, which is counted so.
+/// Lists of exposures, as DSEC's, count from 0.
+/// @throws DataError if frames counted from 1 may begin with the first time or the second.
+double first_number(const NumberList& list, const std::vector<FrameFile>& files) {
+  if (list.rows[0].size() > 1 && has_frame_numbers(list)) return list.rows[0][0];
+  size_t least = SIZE_MAX, most = 0;
+  for (const FrameFile& file : files) {
+    const size_t number = number_of(file.path).value_or(0);
+    least = std::min(least, number), most = std::max(most, number);
+  }
+  if (least >= 1 && most == list.rows.size()) return 1;
+  if (least != 1 || most > list.rows.size() || list.rows[0].size() > 1) return 0;
+  throw DataError(concat(list.path.string(), ": expected one line per frame, found ",
+                         list.rows.size(), " lines for ", files.size(), " frames counted from 1, ",
+                         "of which the first may have the first line or the second; remove the ",
+                         "lines without a frame, or give names with --frame-times"));
+}
+
 /// The row of each file: in the order of names or, of a part of the frames, by their numbers.
 /// @throws DataError if a file has no row.
 std::vector<Row> rows_of(const NumberList& list, const std::vector<FrameFile>& files,
                          std::vector<std::string>& notes) {
   if (list.rows.size() == files.size()) return list.rows;
+  const double first = first_number(list, files);
   std::vector<Row> out;
   for (const FrameFile& file : files) {
     const std::optional<size_t> number = number_of(file.path);
-    if (!number || *number >= list.rows.size()) {
+    const double line = number ? double(*number) - first : -1;
+    if (line < 0 || line >= double(list.rows.size())) {
       throw DataError(concat(list.path.string(), ": expected one line per frame, found ",
                              list.rows.size(), " lines for ", files.size(),
                              " frames, and none for ", file_name(file),
                              "; add the frames or their lines"));
     }
-    out.push_back(list.rows[*number]);
+    out.push_back(list.rows[size_t(line)]);
   }
   notes.push_back(concat(list.path.string(), ": has ", list.rows.size(), " lines for ",
-                         files.size(), " frames; each frame has the line of its number, from 0"));
+                         files.size(), " frames; each frame has the line of its number, from ",
+                         first));
   return out;
 }
 
@@ -304,14 +334,6 @@ Lengths find_lengths(const std::vector<fs::path>& folders, const std::string& si
                            out.us[i], " us for ", file_name(files[i]), "; correct the line"));
   }
   return out;
-}
-
-/// Whether the first number of each line is that of its frame.
-bool has_frame_numbers(const NumberList& list) {
-  for (size_t i = 0; i < list.rows.size(); ++i) {
-    if (list.rows[i][0] != list.rows[0][0] + double(i)) return false;
-  }
-  return true;
 }
 
 /// The column of the times, before which the frames may be counted.
