@@ -413,6 +413,14 @@ def projection(message):
     return values[:3] + values[4:7] + values[8:11]
 
 
+def region_of(message):
+    """The part of the sensor that the images of a camera_info have; empty for all of it."""
+    roi = getattr(message, "roi", None)
+    region = {name: getattr(roi, name, 0) for name in ("x_offset", "y_offset", "width", "height")}
+    whole = {"x_offset": (0,), "y_offset": (0,), "width": (0, message.width), "height": (0, message.height)}
+    return {} if all(region[name] in whole[name] for name in region) else region
+
+
 def camera_info_text(message, rectified=False):
     """A camera_info as the YAML of ROS's calibration files, of the raw or the rectified images; None for a camera that
     is not calibrated.
@@ -421,7 +429,9 @@ def camera_info_text(message, rectified=False):
     if not is_matrix(matrix):
         return None
     binning = "".join(f"{name}: {getattr(message, name)}\n" for name in ("binning_x", "binning_y") if getattr(message, name, 0) > 1)
-    return (f"image_width: {message.width}\nimage_height: {message.height}\n{binning}camera_matrix:\n  rows: 3\n  cols: 3\n"
+    region = region_of(message)
+    roi = "".join(["roi:\n"] + [f"  {name}: {value}\n" for name, value in region.items()]) if region else ""
+    return (f"image_width: {message.width}\nimage_height: {message.height}\n{binning}{roi}camera_matrix:\n  rows: 3\n  cols: 3\n"
             f"  data: {matrix}\ndistortion_model: {message.distortion_model or 'plumb_bob'}\ndistortion_coefficients:\n"
             f"  rows: 1\n  cols: {len(lens)}\n  data: {lens}\n")
 
@@ -440,7 +450,7 @@ def rectified_chain(message, np):
     turn = info_field(message, "R")
     if not (is_matrix(frames) and is_matrix(events) and len(turn) == 9 and any(turn)):
         return None
-    if not model or any(lens[4:]) or max(getattr(message, "binning_x", 0), getattr(message, "binning_y", 0)) > 1:
+    if not model or any(lens[4:]) or region_of(message) or max(getattr(message, "binning_x", 0), getattr(message, "binning_y", 0)) > 1:
         return None
     pose = np.eye(4)
     pose[:3, :3] = np.reshape(turn, (3, 3)).T  # R turns raw to rectified

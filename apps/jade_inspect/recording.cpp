@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "common/shell.h"
+#include "jade/core/error.h"
 #include "jade/core/readable.h"
 #include "jade/import/calibration.h"
 #include "jade/import/frame_masks.h"
@@ -92,13 +93,35 @@ std::string next_command(const Recording& r, const RecordingNumbers& n,
   return line + " --output " + shell_word(fs::path("data") / name_of(r.source));
 }
 
-/// Leaves out calibrations of a folder that cannot be read, with a warning.
+/// Why a calibration that can be read does not fit the frames or the event sensor; empty if it
+/// does.
+std::string misfit_of(const fs::path& path, const Recording& r) {
+  try {
+    const import::Calibration calibration = import::read_calibration(path);
+    const bool is_rig = calibration.second_from_first.has_value();
+    if (!r.frames.empty()) {
+      const torch::Tensor& image = r.frames.front().image;
+      import::camera_of(calibration, 0, image.size(2), image.size(1), "frames");
+    }
+    if (r.width > 0) import::camera_of(calibration, is_rig ? 1 : 0, r.width, r.height, "events");
+    return "";
+  } catch (const DataError& error) {
+    return error.what();
+  }
+}
+
+/// Leaves out calibrations of a folder that cannot be read, with a warning, and warns of one that
+/// does not fit.
 void check_calibrations(Recording& r) {
   while (!r.calibrations.empty() && fs::is_directory(r.source)) {
     const fs::path path = r.source / r.calibrations.front().name;
     if (!fs::exists(path)) return;  // of a bag, not of a folder
     const std::string fault = import::calibration_fault(path);
-    if (fault.empty()) return;
+    if (fault.empty()) {
+      if (std::string misfit = misfit_of(path, r); !misfit.empty())
+        r.warnings.push_back(std::move(misfit));
+      return;
+    }
     r.warnings.push_back(concat(path.string(), fault, "; it is not used"));
     r.calibrations.erase(r.calibrations.begin());
   }

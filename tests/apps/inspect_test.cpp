@@ -161,6 +161,10 @@ TEST_CASE("jade_inspect: a recording, what is missing, and the next command", "[
   const Outcome whole = run(dir, "jade_inspect scene");
   CHECK_THAT(whole.out, test::naming("exposures", "20 to 30 ms", "median 30"));
   CHECK_THAT(whole.out, Catch::Contains("/scene --output data/scene"));
+  run(dir, "cp -r scene other");
+  dir.write("other/calib.txt", "6 6 30 30 0 0 0 0 0\n");
+  CHECK_THAT(run(dir, "jade_inspect other").out,
+             test::naming("warning", "other/calib.txt", "principal point", "8x6"));
   const auto json = nlohmann::json::parse(run(dir, "jade_inspect scene --json").out);
   CHECK(json["events"] == 3);
   CHECK(json["frames"][1]["t_end_us"] == 420000);

@@ -187,6 +187,18 @@ TEST_CASE("calibration: calib.txt of RPG fits any size its centre lies in", "[im
   CHECK(read("199 198 132 110 0 0 0 0 0").cameras.at(0).lens.model == LensModel::kPinhole);
 }
 
+TEST_CASE("calibration: comments are skipped, and focal lengths of no camera refused", "[import]") {
+  const auto camera =
+      read("# fx fy cx cy k1 k2 p1 p2 k3\n199 198 132 110 -0.3 0 0 0 0 # of 2024\n").cameras.at(0);
+  CHECK((camera.fx == 199 && camera.lens.k1 == -0.3));
+  const auto with = [&](const std::string& focal) {
+    import::camera_of(read(focal + " 132 110 0 0 0 0 0"), 0, 240, 180, "frames");
+  };
+  for (const char* focal : {"290000 290000", "2 2", "199 900"})
+    CHECK_THROWS_NAMING(DataError, with(focal), "focal lengths", "240x180");
+  CHECK_NOTHROW(with("2000 2000"));
+}
+
 TEST_CASE("calibration: a 3x3 matrix in text is a pinhole", "[import]") {
   for (const char* text : {"60 0 31.5\n0 61 23.5\n0 0 1\n", "60 0 31.5 0\n0 61 23.5 0\n0 0 1 0\n",
                            "[[60., 0., 31.5],\n [0., 61., 23.5],\n [0., 0., 1.]]\n",
@@ -259,6 +271,12 @@ binning_y: 0
               "K: expected a camera matrix, found zeros");
   check_fails(without(ros1, "binning_x: 0", "binning_x: 2"), "binning_x: expected 0 or 1");
   check_fails(without(ros1, "199.0, 0.0, 120.0", "199.0, 3.0, 120.0"), "without skew");
+  const auto with_region = [&](const char* values) {
+    return without(ros1, "---", std::string("roi:\n  x_offset: ") + values);
+  };
+  CHECK(read(with_region("0\n  y_offset: 0\n  height: 180\n  width: 240\n")).cameras[0].fx == 199);
+  check_fails(with_region("20\n  y_offset: 10\n  height: 100\n  width: 200\n"),
+              "roi: expected the whole image, found 200x100 px from (20, 10)");
 }
 
 TEST_CASE("calibration: DV's XML, flat or with the camera's section, and its JSON", "[import]") {

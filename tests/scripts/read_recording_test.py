@@ -225,6 +225,11 @@ class Messages(unittest.TestCase):
             self.assertNotIn("binning", text)
             message.binning_x = message.binning_y = 2
             self.assertIn("\nbinning_x: 2\nbinning_y: 2\n", read_recording.camera_info_text(message))
+            message.roi = types.SimpleNamespace(x_offset=0, y_offset=0, width=240, height=180)
+            self.assertNotIn("roi", read_recording.camera_info_text(message))
+            message.roi.x_offset = 20
+            self.assertIn("\nroi:\n  x_offset: 20\n  y_offset: 0\n  width: 240\n  height: 180\ncamera_matrix:\n",
+                          read_recording.camera_info_text(message))
             setattr(message, names[0], np.zeros(9))
             self.assertIsNone(read_recording.camera_info_text(message))
 

@@ -22,6 +22,10 @@ namespace {
 
 using config::DocumentNode;
 
+/// Focal lengths of any real camera, as multiples of the image's larger side, and the largest ratio
+/// of the two.
+constexpr double kShortest = 0.02, kLongest = 100, kUnlike = 3;
+
 [[noreturn]] void fail_several(const std::filesystem::path& path, const std::string& names) {
   throw DataError(
       concat(path.string(), ": expected the calibration of one camera, found ", names,
@@ -140,8 +144,10 @@ Calibration plain_matrix(const std::filesystem::path& path, const std::vector<do
 }
 
 /// The numbers of a file that contains nothing else but commas, semicolons or brackets between
-/// them; NaN is allowed.
+/// them, and comments behind '#'; NaN is allowed.
 std::vector<double> plain_numbers(std::string text) {
+  for (size_t at = 0; (at = text.find('#', at)) != std::string::npos;)
+    text.erase(at, std::min(text.find('\n', at), text.size()) - at);
   const auto parts = [](char c) { return c == ',' || c == ';' || c == '[' || c == ']'; };
   std::replace_if(text.begin(), text.end(), parts, ' ');
   std::istringstream in(text);
@@ -216,6 +222,14 @@ geometry::LensCamera camera_of(const Calibration& calibration, size_t index, int
                            "found fx ",
                            camera.fx, ", fy ", camera.fy, ", cx ", camera.cx - 0.5, ", cy ",
                            camera.cy - 0.5, "; calibrate again"));
+  }
+  const double side = double(std::max(width, height));
+  const auto [least, most] = std::minmax(camera.fx, camera.fy);
+  if (least < kShortest * side || most > kLongest * side || most > kUnlike * least) {
+    throw DataError(concat(path, ": expected focal lengths in pixels, from ", kShortest * side,
+                           " to ", kLongest * side, " for ", width, "x", height,
+                           " and about equal, found fx ", camera.fx, " and fy ", camera.fy,
+                           "; correct them, or calibrate again"));
   }
   return {pinhole, camera.lens};
 }

@@ -45,7 +45,8 @@ std::string calibration_fault(const std::filesystem::path& path);
 
 /// The camera at `index` for pictures of this size.
 /// @param what  for the message: "frames", "events"
-/// @throws DataError if the calibration is for another size, or its principal point lies outside.
+/// @throws DataError if the calibration is for another size, its principal point lies outside, or
+///   its focal lengths are those of no camera.
 geometry::LensCamera camera_of(const Calibration& calibration, size_t index, int64_t width,
                                int64_t height, const std::string& what);
 

@@ -140,6 +140,26 @@ void check_plain_camera(const Section& section, const CameraKeys& keys,
   }
 }
 
+/// Rejects a camera_info of a part of the sensor, of which the matrix is that of the whole.
+void check_region(const Section& section, const CalibratedCamera& camera) {
+  const DocumentNode* const roi = section.node.find("roi");
+  if (roi == nullptr || roi->kind != DocumentNode::Kind::kMap) return;
+  const Section region{section.path, "roi", *roi};
+  const auto value = [&](const char* key) {
+    const DocumentNode* const node = roi->find(key);
+    return node == nullptr ? 0 : int64_t(number(region, key, *node));
+  };
+  const int64_t x = value("x_offset"), y = value("y_offset");
+  const int64_t width = value("width"), height = value("height");
+  const bool is_whole = (width == 0 || width == camera.width) &&
+                        (height == 0 || height == camera.height) && x == 0 && y == 0;
+  if (is_whole) return;
+  throw DataError(concat(section.where("roi"), ": expected the whole image, found ", width, "x",
+                         height, " px from (", x, ", ", y,
+                         "); the matrix is that of the whole sensor, subtract the offsets from its "
+                         "centre, set width and height, and remove roi"));
+}
+
 void read_size(const Section& section, CalibratedCamera& camera) {
   const auto side = [&](const Names& names, const char* usual) {
     const std::string found = key_among(section.node, names), key = found.empty() ? usual : found;
@@ -165,6 +185,7 @@ CalibratedCamera matrix_camera(const Section& section, const CameraKeys& keys, L
   camera.fx = matrix[0], camera.fy = matrix[4];
   camera.cx = matrix[2] + 0.5, camera.cy = matrix[5] + 0.5;
   read_size(section, camera);
+  check_region(section, camera);
   const LensKind own = lens_kind(section), kind = own == LensKind::kUnsaid ? around : own;
   if (kind == LensKind::kNone) return camera;
   const bool is_fisheye = kind == LensKind::kFisheye;

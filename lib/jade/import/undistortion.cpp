@@ -26,6 +26,17 @@ constexpr double kManyLost = 0.4, kMostLost = 0.9;
 /// Frames with more pixels than this per pixel of the event sensor, per side, are scaled to it.
 constexpr double kFiner = 1.2;
 
+/// A view of over 150 or under 6 degrees is rare.
+void warn_of_view(const Calibration& calibration, const Capture& capture) {
+  constexpr double kWidest = 0.13, kNarrowest = 10;  // focal length per side
+  const CalibratedCamera& camera = calibration.cameras[0];
+  const double f = camera.fx / double(std::max(capture.width(), capture.height()));
+  if (f >= kWidest && f <= kNarrowest) return;
+  log_warn(concat(calibration.path.string(), ": focal length ", camera.fx, " px is ",
+                  f < 1 ? "short" : "long", " for ", capture.width(), "x", capture.height(),
+                  " frames; is it in pixels, and of this size?"));
+}
+
 /// A file without a size may be for another one.
 void warn_of_size(const Calibration& calibration, size_t index, const Capture& capture) {
   const CalibratedCamera& camera = calibration.cameras[index];
@@ -162,6 +173,7 @@ void settle_sensor(const Calibration& calibration, Capture& capture) {
   }
   cameras_of(calibration, capture);
   warn_of_unused(calibration);
+  warn_of_view(calibration, capture);
   warn_of_size(calibration, 0, capture);
 }
 
