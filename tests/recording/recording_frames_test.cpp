@@ -35,6 +35,25 @@ void write_frames(const std::filesystem::path& folder, int count) {
     imaging::write_image(folder / concat("f", i, ".png"), torch::full({3, 6, 8}, 0.1 * i));
 }
 
+/// An uncompressed gray TIFF whose pages have the values 40 and 200.
+std::string two_pages(int width, int height) {
+  const auto entry = [](int tag, int type, int64_t value) {
+    return bytes_of(uint64_t(tag), 2) + bytes_of(uint64_t(type), 2) + bytes_of(1, 4) +
+           bytes_of(uint64_t(value), 4);
+  };
+  const int64_t pixels = int64_t(width) * height, directory = 2 + 9 * 12 + 4;
+  std::string out = "II" + bytes_of(42, 2) + bytes_of(8, 4);
+  for (const int page : {0, 1}) {
+    const auto begin = int64_t(out.size());
+    out += bytes_of(9, 2) + entry(256, 4, width) + entry(257, 4, height) + entry(258, 3, 8) +
+           entry(259, 3, 1) + entry(262, 3, 1) + entry(273, 4, begin + directory) +
+           entry(277, 3, 1) + entry(278, 4, height) + entry(279, 4, pixels);
+    out += bytes_of(page == 0 ? uint64_t(begin + directory + pixels) : 0, 4);
+    out += std::string(size_t(pixels), page == 0 ? char(40) : char(200));
+  }
+  return out;
+}
+
 std::string error_of(const std::function<void()>& action) {
   try {
     action();
@@ -262,6 +281,29 @@ TEST_CASE("recording: names that are times are read as such, and numbers that co
   CHECK(times_of({"3.001.png", "3.002.png", "3.003.png"}) == none);
   CHECK(times_of({"20231114221320055123.png", "20231114221321055123.png"}) == none);
   CHECK(times_of({"0.055.png", "0.17.png", "0.4.png", "preview.png"}).size() == 3);
+}
+
+TEST_CASE("recording: pages of a TIFF are frames, or named", "[recording]") {
+  const TempDir dir;
+  const auto raw = write_triggered(dir);
+  const auto stack = dir / "stack.tif";
+  dir.write("stack.tif", two_pages(8, 6));
+  ReadOptions options;
+  options.frames = stack;
+  const Recording pages = read_recording(raw, options);
+  REQUIRE(pages.frames.size() == 2);
+  CHECK(pages.frames[0].image.max().item<float>() == Approx(40 / 255.0));
+  CHECK(pages.frames[1].image.min().item<float>() == Approx(200 / 255.0));
+  CHECK(pages.frames[1].t_start_us == 2000);
+  dir.write("exposure_timestamps.txt", "1100 1200\n2100 2200\n");
+  CHECK(read_recording(raw, options).frames.at(1).t_start_us == 2100);
+  dir.write("frames/stack.tif", two_pages(8, 6));
+  options.frames = dir / "frames";
+  CHECK_THAT(error_of([&] { read_recording(raw, options); }),
+             test::naming("frames/stack.tif", "2 pages", "--frames"));
+  write_frames(dir / "frames", 1);
+  CHECK_THAT(error_of([&] { read_recording(raw, options); }),
+             test::naming("frames/stack.tif", "2 pages", "file of its own"));
 }
 
 TEST_CASE("recording: a list with a line too many is not shifted by one", "[recording]") {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <fstream>
 #include <numeric>
 #include <opencv2/imgcodecs.hpp>
@@ -415,6 +416,45 @@ std::vector<std::filesystem::path> list_images(const std::filesystem::path& fold
   std::vector<fs::path> by_value;
   for (const size_t i : order) by_value.push_back(out[i]);
   return values.empty() ? out : by_value;
+}
+
+size_t count_pages(const fs::path& path) {
+  if (extension(path) != ".tif" && extension(path) != ".tiff") return 1;
+  try {
+    const size_t count = cv::imcount(path.string(), cv::IMREAD_UNCHANGED);
+    std::vector<cv::Mat> pages;
+    if (count < 2 || !cv::imreadmulti(path.string(), pages, 0, 2, cv::IMREAD_UNCHANGED)) return 1;
+    return pages.size() == 2 && pages[0].size() == pages[1].size() ? count : 1;
+  } catch (const cv::Exception&) {
+    return 1;
+  }
+}
+
+std::vector<fs::path> split_pages(const fs::path& path, const fs::path& folder) {
+  constexpr int kAtOnce = 16;
+  fs::create_directories(folder);
+  std::vector<fs::path> out;
+  std::vector<uint8_t> bytes;
+  try {
+    const auto count = int(cv::imcount(path.string(), cv::IMREAD_UNCHANGED));
+    for (int first = 0; first < count; first += kAtOnce) {
+      std::vector<cv::Mat> pages;
+      cv::imreadmulti(path.string(), pages, first, std::min(kAtOnce, count - first),
+                      cv::IMREAD_UNCHANGED);
+      for (const cv::Mat& page : pages) {
+        char name[16];
+        std::snprintf(name, sizeof name, "%08zu.tif", out.size());
+        out.push_back(folder / name);
+        cv::imencode(".tif", page, bytes);
+        write_file(out.back(), std::string(bytes.begin(), bytes.end()));
+      }
+    }
+    if (!out.empty() && int(out.size()) == count) return out;
+  } catch (const cv::Exception&) {
+    // reported below
+  }
+  throw DataError(concat(path.string(), ": expected a TIFF of one or more pages, found ",
+                         out.size(), " that can be decoded; export it again"));
 }
 
 }  // namespace jade::imaging

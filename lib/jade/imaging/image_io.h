@@ -55,6 +55,16 @@ bool comes_before(const std::string& name, const std::string& other);
 /// 1.10: no fractions. False with fewer than two files.
 bool counts_fractions(const std::vector<std::filesystem::path>& files);
 
+/// Number of pages of a TIFF, 1 if its second page has another size (as a thumbnail) and for other
+/// files. read_image() reads the first page.
+size_t count_pages(const std::filesystem::path& path);
+
+/// Writes the pages of a TIFF, unchanged, as 00000000.tif, 00000001.tif, … into a folder, which it
+/// creates.
+/// @throws DataError if a page cannot be decoded or written.
+std::vector<std::filesystem::path> split_pages(const std::filesystem::path& path,
+                                               const std::filesystem::path& folder);
+
 /// Whether the file's extension is that of an image that read_image() reads, except `.npy`.
 bool is_image_file(const std::filesystem::path& path);
 

@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kExpectedFrames = "expected a folder of images or a video";
+constexpr const char* kExpectedFrames = "expected a folder of images, a TIFF of pages or a video";
 constexpr const char* kGiveTimes =
     "give a list \"name,start_us,end_us\" of their exposures, or record them with a trigger signal";
 
@@ -106,6 +106,16 @@ std::vector<FrameFile> frames_of_video(const fs::path& path, const fs::path& fol
   return out;
 }
 
+/// The pages of a TIFF, with the times of a list beside it.
+std::vector<FrameFile> frames_of_pages(const fs::path& path, const fs::path& folder,
+                                       const ReadOptions& options, Recording& recording) {
+  std::vector<FrameFile> out;
+  for (const fs::path& page : imaging::split_pages(path, folder / "pages"))
+    out.push_back({page, {}});
+  if (options.frame_times.empty()) add_frame_list(path.parent_path(), {}, options, out, recording);
+  return out;
+}
+
 /// For messages about a folder without images: those below it that have some, or its files of
 /// another kind; empty if there are neither.
 std::string unfound_images(const fs::path& folder) {
@@ -114,6 +124,18 @@ std::string unfound_images(const fs::path& folder) {
   if (below.empty()) return imaging::unread_images(folder);
   return concat("; found some in ", listing(below), "; give ",
                 below.size() == 1 ? "that folder" : "one of these folders", " with --frames");
+}
+
+/// @throws DataError for a TIFF with several pages, of which the first would be read.
+void refuse_pages(const std::vector<FrameFile>& files) {
+  for (const FrameFile& file : files) {
+    const size_t pages = imaging::count_pages(file.path);
+    if (pages < 2) continue;
+    throw DataError(concat(
+        file.path.string(), ": expected one frame per file, found a TIFF of ", pages, " pages; ",
+        files.size() == 1 ? concat("read its pages as frames with --frames ", file.path.string())
+                          : "write each page to a file of its own"));
+  }
 }
 
 /// The images of images.txt.
@@ -426,6 +448,7 @@ std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root
   const bool listed = !out.empty();
   if (!listed && !images.empty()) out = images_of(images, root, recording);
   if (out.empty()) return out;
+  refuse_pages(out);
   if (!exposures.empty()) {
     std::vector<FrameFile> others = out;
     apply_exposures(exposures, read_exposures(exposures), out, recording);
@@ -488,6 +511,11 @@ void replace_frames(const fs::path& path, const ReadOptions& options, Contents& 
                            ", found a zip archive; unpack it and give the folder of the images"));
   }
   if (!contents.keep) contents.keep = std::make_shared<TemporaryFolder>();
+  const std::string kind = in_small_letters(path.extension().string());
+  if (kind == ".tif" || kind == ".tiff") {
+    contents.files = frames_of_pages(path, contents.keep->path(), options, recording);
+    return;
+  }
   contents.files = frames_of_video(path, contents.keep->path());
   recording.stamp = Stamp::kStart;
   recording.notes.push_back(concat(path.string(), ": its frames have the clock of the video"));
