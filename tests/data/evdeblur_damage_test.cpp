@@ -136,7 +136,7 @@ TEST_CASE("damage: a frame of another brightness is named, until its gain is giv
   const fs::path frame = scene.root / "images_1" / (name + ".png");
   imaging::write_image(frame, 0.4 * imaging::read_image(frame));
   CHECK(mentions(scene.warnings(), name + " is 0.4 times as bright"));
-  write_file(scene.root / "gains.csv", "name,gain\n" + name + ",0.4\n");
+  write_file(scene.root / "gains.csv", "name,gain\n" + name + ",1\n");
   CHECK_FALSE(mentions(scene.warnings(), "brightness"));
 }
 

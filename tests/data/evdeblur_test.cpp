@@ -265,7 +265,7 @@ TEST_CASE("evdeblur: points of structure from motion are restored, damaged ones 
   CHECK(torch::equal(data.point_colors, content.point_colors.to(torch::kFloat32) / 255));
   content.points[3][1] = NAN;
   write_evdeblur(folder / "scene", content);
-  CHECK_THROWS_NAMING(DataError, load(folder / "scene"), "points.npz");
+  CHECK(load(folder / "scene").points.size(0) == 4);
   io::write_npz(folder / "scene/points.npz", {{"points", torch::zeros({4, 2})},
                                               {"colors", torch::zeros({4, 2}, torch::kUInt8)}});
   CHECK_THROWS_NAMING(DataError, load(folder / "scene"), "points.npz", "[P,3]");

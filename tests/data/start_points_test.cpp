@@ -76,6 +76,25 @@ std::string told(Dataset& data) {
   return lines.empty() ? "" : lines[0];
 }
 
+TEST_CASE("start points: those that are not finite or absurdly far are left out", "[data]") {
+  torch::manual_seed(3);
+  const torch::Tensor good = torch::rand({100, 3}, torch::kFloat64);
+  const auto left = [&](std::vector<double> bad) {
+    torch::Tensor points = torch::cat({good, torch::tensor(bad, torch::kFloat64).reshape({1, 3})});
+    torch::Tensor colors = torch::zeros({101, 3}, torch::kUInt8);
+    std::vector<std::string> lines;
+    drop_absurd_points("points.npz", Warnings(&lines), points, colors);
+    CHECK(points.size(0) == colors.size(0));
+    CHECK(lines.size() == size_t(101 - points.size(0)));
+    if (!lines.empty()) CHECK_THAT(lines[0], test::naming("points.npz", "1 of 101"));
+    return points.size(0);
+  };
+  CHECK(left({1e30, 0, 0}) == 100);
+  CHECK(left({0, std::nan(""), 0}) == 100);
+  CHECK(left({0, 0, -INFINITY}) == 100);
+  CHECK(left({1000, 0, 0}) == 101);
+}
+
 TEST_CASE("start points: those of another unit are reported with the share seen", "[data]") {
   for (const bool row : {false, true}) {
     Dataset good = scene(row), small = scene(row), large = scene(row);

@@ -28,6 +28,8 @@ TEST_CASE("compare_folders: pairs by name, and each name in the truth must be th
   REQUIRE(evaluation.views.size() == 1);
   CHECK(evaluation.views[0].name == "a");
   CHECK(evaluation.mean.psnr < 25);
+  imaging::write_image(dir / "arrays/a.npy", image);
+  CHECK(compare_folders(dir / "renders", dir / "arrays", lpips).views.at(0).name == "a");
   imaging::write_image(dir / "truth/b.png", torch::rand({3, 16, 21}));
   CHECK_THROWS_WITH(compare_folders(dir / "renders", dir / "truth", lpips),
                     Catch::Contains("expected 21x16"));

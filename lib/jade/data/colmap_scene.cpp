@@ -15,6 +15,7 @@
 #include "jade/data/frames.h"
 #include "jade/data/named_files.h"
 #include "jade/data/origin.h"
+#include "jade/data/start_points.h"
 #include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
 #include "jade/gaussians/ply.h"
@@ -312,11 +313,9 @@ geometry::Vector3 recentre(io::ColmapModel& model) {
 }
 
 void read_ply_points(const fs::path& path, const geometry::Vector3& origin,
-                     io::ColmapModel& model) {
-  const gaussians::PointCloud cloud = gaussians::read_point_cloud(path);
-  if (!cloud.points.isfinite().all().item<bool>()) {
-    throw DataError(concat(path.string(), ": found points that are not finite; remove them"));
-  }
+                     const Warnings& warnings, io::ColmapModel& model) {
+  gaussians::PointCloud cloud = gaussians::read_point_cloud(path);
+  drop_absurd_points(path.string(), warnings, cloud.points, cloud.colors);
   const geometry::Vector3 &from = cloud.origin, &to = origin;
   model.points = with_origin(cloud.points, {to[0] - from[0], to[1] - from[1], to[2] - from[2]});
   model.point_colors = (cloud.colors.clamp(0, 1) * 255).round().to(torch::kUInt8);
@@ -324,9 +323,12 @@ void read_ply_points(const fs::path& path, const geometry::Vector3& origin,
 
 void find_points(const fs::path& folder, const Warnings& warnings, io::ColmapModel& model) {
   const auto lacks_points = [&] { return !model.points.defined() || model.points.size(0) == 0; };
-  if (!lacks_points()) return;
+  if (!lacks_points()) {
+    drop_absurd_points(folder.string(), warnings, model.points, model.point_colors);
+    return;
+  }
   const fs::path path = folder / "points3D.ply";
-  if (fs::is_regular_file(path)) read_ply_points(path, {0, 0, 0}, model);
+  if (fs::is_regular_file(path)) read_ply_points(path, {0, 0, 0}, warnings, model);
   if (!lacks_points()) return;
   warnings.add(folder.string(),
                ": expected points in points3D.bin, .txt or .ply, found none; the scene starts from "

@@ -33,9 +33,9 @@ geometry::LensCamera lens_camera_of(const io::ColmapCamera& camera, int64_t widt
 geometry::Vector3 recentre(io::ColmapModel& model);
 
 /// Reads the points of a .ply file into the model, relative to `origin` in the file's coordinates.
-/// @throws DataError naming the file for damaged content and points that are not finite.
+/// Warns as drop_absurd_points(). @throws DataError naming the file for damaged content.
 void read_ply_points(const std::filesystem::path& path, const geometry::Vector3& origin,
-                     io::ColmapModel& model);
+                     const Warnings& warnings, io::ColmapModel& model);
 
 /// Fills a model that has no points from points3D.ply in its folder, as trainers of splats write
 /// it; warns if there is no such file.

@@ -239,11 +239,9 @@ double brightness(const Exposure& exposure) {
 /// the data set says the gain of each frame.
 void tell_odd_brightness(const Warnings& warnings, const Dataset& data) {
   constexpr double kDarkest = 0.6;  // relative to both others
+  if (data.kind == DatasetKind::kEvDeblur && fs::is_regular_file(data.root / kGainFile)) return;
   std::vector<const Exposure*> frames;
-  for (const Exposure& exposure : data.train) {
-    if (exposure.gain != 1) return;
-    frames.push_back(&exposure);
-  }
+  for (const Exposure& exposure : data.train) frames.push_back(&exposure);
   if (frames.size() < 3) return;
   std::stable_sort(frames.begin(), frames.end(), [](const Exposure* a, const Exposure* b) {
     return a->t_start_us < b->t_start_us;

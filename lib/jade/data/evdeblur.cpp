@@ -20,6 +20,7 @@
 #include "jade/data/llff.h"
 #include "jade/data/named_files.h"
 #include "jade/data/origin.h"
+#include "jade/data/start_points.h"
 #include "jade/data/stray_views.h"
 #include "jade/data/undistorter.h"
 #include "jade/data/unused_parts.h"
@@ -385,19 +386,17 @@ void set_bounds(const Sources& s, Dataset& data) {
 }
 
 /// Reads the points from structure from motion.
-void read_points(const fs::path& path, Dataset& data) {
+void read_points(const fs::path& path, const Warnings& warnings, Dataset& data) {
   if (!fs::exists(path)) return;
   const io::Npz file(path);
-  const torch::Tensor points = file.read("points"), colors = file.read("colors");
+  torch::Tensor points = file.read("points"), colors = file.read("colors");
   const bool shaped = points.dim() == 2 && points.size(1) == 3 && points.sizes() == colors.sizes();
   if (!shaped || !points.is_floating_point() || colors.scalar_type() != torch::kUInt8) {
     throw DataError(concat(path.string(),
                            ": expected points [P,3] of a floating type and colors [P,3] uint8, "
                            "found other shapes or types; remove the file or write it again"));
   }
-  if (!points.isfinite().all().item<bool>()) {
-    throw DataError(concat(path.string(), ": found points that are not finite; remove them"));
-  }
+  drop_absurd_points(path.string(), warnings, points, colors);
   if (points.size(0) == 0) return;
   data.points = (geometry::is_zero(data.origin) ? points : with_origin(points, data.origin))
                     .to(torch::kFloat32);
@@ -534,7 +533,7 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
             static_cast<int64_t>(data.trajectory.end_us())};
   }
   attach_events(options, span, keep, warnings, data);
-  read_points(options.path / "points.npz", data);
+  read_points(options.path / "points.npz", warnings, data);
   read_gains(options.path / kGainFile, warnings, data);
   const fs::path color_map = options.path / "ev_map.npz";
   if (options.color_events && fs::exists(color_map)) {

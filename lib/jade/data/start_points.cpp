@@ -173,6 +173,26 @@ std::string fault_of(const Sight& sight, double spread, DatasetKind kind) {
 
 }  // namespace
 
+void drop_absurd_points(const std::string& where, const Warnings& warnings, torch::Tensor& points,
+                        torch::Tensor& colors) {
+  constexpr double kMostTimes = 1e6;
+  const torch::Tensor xyz = points.to(torch::kFloat64), finite = xyz.isfinite().all(1);
+  torch::Tensor keep = finite;
+  if (finite.any().item<bool>()) {
+    const torch::Tensor middle = std::get<0>(xyz.index({finite}).median(0));
+    const torch::Tensor away = (xyz - middle).norm(2, 1);
+    const torch::Tensor usual = away.index({finite}).median();
+    keep = finite.logical_and(away.le(kMostTimes * usual).logical_or(usual.eq(0)));
+  }
+  const int64_t left = keep.numel() - keep.sum().item<int64_t>();
+  if (left == 0) return;
+  warnings.add(where, ": expected finite points near one another, found ", left, " of ",
+               keep.numel(),
+               " not finite or over a million times as far away as most; they are left out, remove "
+               "them from the file");
+  points = points.index({keep}), colors = colors.index({keep});
+}
+
 void check_points(const Warnings& warnings, Dataset& data) {
   constexpr int64_t kFewestPoints = 10;
   constexpr double kNoneSeen = 0.01;

@@ -36,7 +36,7 @@ void read_points(const TransformsFile& file, Dataset& data, const Warnings& warn
     return;
   }
   io::ColmapModel model;
-  read_ply_points(path, data.origin, model);
+  read_ply_points(path, data.origin, warnings, model);
   set_points(model, data);
 }
 

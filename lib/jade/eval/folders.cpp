@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/eval/folders.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <string>
@@ -73,6 +74,17 @@ fs::path render_of(const std::string& name, const std::map<std::string, fs::path
                          truth.string(), ", found none"));
 }
 
+/// The images of a folder of truths; arrays (.npy) only in a folder without images.
+std::vector<fs::path> truths_in(const fs::path& folder) {
+  std::vector<fs::path> out = imaging::list_images(folder);
+  if (!out.empty()) return out;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.is_regular_file() && entry.path().extension() == ".npy") out.push_back(entry.path());
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
 /// Some pixels of each image of a folder, its brightest among them: enough to check the range
 /// without keeping all images in memory.
 struct Sampled {
@@ -124,7 +136,7 @@ Evaluation compare_folders(const fs::path& renders, const fs::path& truth, const
   int64_t masked = 0, composited = 0;
   double excluded = 0;
   images_by_name(truth);  // Refuses two of one name.
-  for (const fs::path& path : imaging::list_images(truth)) {
+  for (const fs::path& path : truths_in(truth)) {
     unused.erase(path.stem().string());
     // jade_render --depth writes NAME_depth.png beside NAME.png.
     unused.erase(path.stem().string() + "_depth");
@@ -147,7 +159,8 @@ Evaluation compare_folders(const fs::path& renders, const fs::path& truth, const
     masked += int64_t(reference.mask.defined());
     excluded += scores.back().excluded;
   }
-  if (scores.empty()) throw DataError(concat(truth.string(), ": expected images, found none"));
+  if (scores.empty())
+    throw DataError(concat(truth.string(), ": expected images or .npy, found none"));
   warn_of_unused(renders, unused, by_name.size());
   sampled_renders.warn_of_range(renders);
   sampled_truth.warn_of_range(truth);
