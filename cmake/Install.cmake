@@ -16,7 +16,8 @@ install(FILES assets/efnet_anytime.pt assets/identity_response.npy DESTINATION $
 install(DIRECTORY configs DESTINATION ${jade_share} COMPONENT data)
 install(PROGRAMS
   scripts/aedat_legacy.py scripts/colmap.py scripts/compare_poses.py scripts/convert_aedat4.py scripts/convert_diet_gs.py
-  scripts/evaluate_perceptual.py scripts/export_lpips.py scripts/read_recording.py scripts/to_tensorboard.py
+  scripts/evaluate_perceptual.py scripts/export_lpips.py scripts/read_recording.py scripts/recording_folder.py
+  scripts/ros_bag.py scripts/to_tensorboard.py
   scripts/requirements-import.txt scripts/requirements-perceptual.txt
   DESTINATION ${jade_share}/scripts COMPONENT data)
 install(FILES LICENSE DESTINATION ${jade_share} COMPONENT data)

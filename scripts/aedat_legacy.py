@@ -4,7 +4,7 @@ read_recording.py.
 
 Both formats are described at docs.inivation.com, "AEDAT 3.1" and "AEDAT 2.0". The latter does not specify how a
 DAVIS numbers its pixels; in files of jAER rows count from the bottom, and the columns of events, but not those of
-frames, from the right. read() fills an Output of read_recording.py; problems are a ValueError of one line.
+frames, from the right. read() fills an Output of recording_folder.py; problems are a ValueError of one line.
 """
 import collections
 import os

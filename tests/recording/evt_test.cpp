@@ -168,7 +168,7 @@ TEST_CASE("evt: up to four damaged times in a row move no later events", "[recor
     CHECK(decoder.counts().wraps == 1);
     CHECK(decoder.counts().astray > 0);
   }
-  // scripts/read_recording.py writes wraps that a silent sensor hides as half, largest time and 0.
+  // scripts/ros_bag.py writes wraps that a silent sensor hides as half, largest time and 0.
   std::string text = evt_header("3.0");
   for (const int high : {4090, 2047, 4095, 0, 2047, 4095, 0, 2047, 4091})
     text += evt3_time(int64_t(high) << 12) + evt3_word(2, 1);

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tests of read_recording.py on messages and packets written here by their specifications. With the packages of
-scripts/setup.sh --import, also converts whole bags and AEDAT4 files.
+"""Tests of read_recording.py, ros_bag.py and recording_folder.py on messages and packets written here by their
+specifications. With the packages of scripts/setup.sh --import, also converts whole bags and AEDAT4 files.
 """
 import errno
 import importlib.util
@@ -18,6 +18,8 @@ import numpy as np
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 import read_recording  # noqa: E402
+import recording_folder  # noqa: E402
+import ros_bag  # noqa: E402
 
 EVENTS = ((3, 4, 7, 999999999, 1), (345, 259, 8, 1500, 0), (0, 1, 8, 2999, 1))  # x, y, s, ns, polarity
 FIELDS = ([3, 345, 0], [4, 259, 1], [7999999, 8000001, 8000002], [1, 0, 1])
@@ -57,7 +59,7 @@ def picture(encoding, width, pixels, step=None, big=False, height=1):
 
 class Messages(unittest.TestCase):
     def check(self, raw, ros1):
-        size, *fields = read_recording.event_array(raw, ros1, np)
+        size, *fields = ros_bag.event_array(raw, ros1, np)
         self.assertEqual(size, (346, 260))
         for found, expected in zip(fields, FIELDS):
             self.assertEqual(found.tolist(), expected)
@@ -70,55 +72,55 @@ class Messages(unittest.TestCase):
 
     def test_event_arrays_cut_short(self):
         for raw, ros1 in ((ros1_array()[:-1], True), (ros2_array()[:-1], False)):
-            with self.assertRaisesRegex(read_recording.Problem, "shorter than it says"):
-                read_recording.event_array(raw, ros1, np)
+            with self.assertRaisesRegex(recording_folder.Problem, "shorter than it says"):
+                ros_bag.event_array(raw, ros1, np)
 
     def test_mono_packets(self):
         words = [1 << 63 | 259 << 48 | 345 << 32 | 1999, 0 << 63 | 2 << 48 | 1 << 32 | 5000]
         for big in (False, True):
             packed = b"".join(struct.pack(">Q" if big else "<Q", word) for word in words)
             message = types.SimpleNamespace(events=np.frombuffer(packed, np.uint8), is_bigendian=big, time_base=10 ** 18)
-            x, y, t, p = read_recording.mono_events(message, np)
+            x, y, t, p = ros_bag.mono_events(message, np)
             self.assertEqual([x.tolist(), y.tolist(), t.tolist(), p.tolist()],
                              [[345, 1], [259, 2], [10 ** 15 + 1, 10 ** 15 + 5], [1, 0]])
 
     def test_pictures(self):
         def made(*arguments, **more):
-            return read_recording.to_picture(picture(*arguments, **more), np, None).tolist()
+            return ros_bag.to_picture(picture(*arguments, **more), np, None).tolist()
         self.assertEqual(made("mono8", 2, [1, 2, 9], step=3), [[1, 2]])
         self.assertEqual(made("rgb8", 2, [1, 2, 3, 4, 5, 6], height=1), [[[3, 2, 1], [6, 5, 4]]])
         self.assertEqual(made("bgr8", 1, [1, 2, 3]), [[[1, 2, 3]]])
         self.assertEqual(made("mono16", 1, [1, 2], big=True), [[258]])
         self.assertEqual(made("mono16", 1, [1, 2]), [[513]])
-        with self.assertRaisesRegex(read_recording.Problem, "yuv422 are not read"):
+        with self.assertRaisesRegex(recording_folder.Problem, "yuv422 are not read"):
             made("yuv422", 1, [1, 2])
-        with self.assertRaisesRegex(read_recording.Problem, "2x1 holds 1 bytes only"):
+        with self.assertRaisesRegex(recording_folder.Problem, "2x1 holds 1 bytes only"):
             made("mono8", 2, [1], step=2)
 
     def test_the_sensors_clock_undoes_wraps(self):
         def packet(time):
             return struct.pack("<HHHH", 0x2001, 0x8000 | time >> 12, 0x6000 | time & 0xfff, 0x2002)
-        clock = read_recording.SensorClock()
+        clock = ros_bag.SensorClock()
         for stamp, time in ((10 ** 15, (1 << 24) - 10), (10 ** 15 + 30, 20), (10 ** 15 + 130, 120)):
-            times, first = read_recording.sensor_times(packet(time), "evt3", np)
+            times, first = ros_bag.sensor_times(packet(time), "evt3", np)
             self.assertEqual((times.tolist(), first), ([time >> 12 << 12], time))
             self.assertEqual(clock.packet(stamp, times, first, 1 << 24), 0)
         self.assertEqual(clock.offset_us(), 10 ** 15 - (1 << 24) + 10)
-        self.assertIsNone(read_recording.sensor_times(b"\x01\x20", "evt3", np)[1])
+        self.assertIsNone(ros_bag.sensor_times(b"\x01\x20", "evt3", np)[1])
 
     def test_times_of_packets_of_evt2_and_evt21(self):
         time, high, event = 0x123456789, 8 << 28 | 0x123456789 >> 6, 1 << 28 | (0x123456789 & 63) << 22 | 7
         for encoding, words in (("evt2", (event, high, event)), ("evt21", (3, event, 0, high, 1, event)),
                                 ("evt21", (event, 3, high, 0, event, 1))):
             data = struct.pack(f"<{len(words)}I", *words) + b"cut"
-            times, first = read_recording.sensor_times(data, encoding, np)
+            times, first = ros_bag.sensor_times(data, encoding, np)
             self.assertEqual((times.tolist(), first), ([time >> 6 << 6], time))
 
     def test_stamps_count_wraps_during_a_pause(self):
         span, second = 1 << 24, 10 ** 6
         for pause, hidden in ((10, 0), (20, 1), (40, 2), (7200, 0)):  # the last one is a fault of the stamps
             with self.subTest(pause):
-                clock, time = read_recording.SensorClock(), 3 * second
+                clock, time = ros_bag.SensorClock(), 3 * second
                 clock.packet(10 ** 15 + time, np.array([time]), time, span)
                 time += pause * second
                 self.assertEqual(clock.packet(10 ** 15 + time, np.array([time % span]), time % span, span), hidden)
@@ -126,7 +128,7 @@ class Messages(unittest.TestCase):
                     self.assertEqual(clock.ahead, [10 ** 15] * 2)
 
     def test_a_wrap_within_a_packet_counts(self):
-        clock = read_recording.SensorClock()
+        clock = ros_bag.SensorClock()
         clock.packet(10 ** 15, np.array([(1 << 24) - 4096, 0]), (1 << 24) - 4096, 1 << 24)
         self.assertEqual(clock.packet(10 ** 15 + 8192, np.array([4096]), 4096, 1 << 24), 0)
         self.assertEqual(clock.ahead, [10 ** 15 - (1 << 24) + 4096] * 2)
@@ -137,15 +139,15 @@ class Messages(unittest.TestCase):
                               ([100, 4000, 4001, 102], 0), ([2560, 4095, 256, 2561], 0),
                               ([4090, 2047, 4095, 0, 2047, 4095, 0, 2047, 4091], 2), ([0, 1, 2, 3, 3000, 3001, 3002, 3003, 4000, 1], 1)):
             with self.subTest(values):
-                self.assertEqual(read_recording.wraps_of(values, 4096), wraps)
-        clock, whole = read_recording.SensorClock(), [100, 101, 4000, 102, 103, 4095, 0, 1]
+                self.assertEqual(ros_bag.wraps_of(values, 4096), wraps)
+        clock, whole = ros_bag.SensorClock(), [100, 101, 4000, 102, 103, 4095, 0, 1]
         for start in range(0, len(whole), 3):
             clock.packet(10 ** 6 + start, np.array(whole[start:start + 3]), whole[start], 4096)
         self.assertEqual(clock.wraps, 4096)
 
     def test_a_pause_is_written_as_time_words(self):
         with tempfile.TemporaryDirectory() as folder:
-            reader = read_recording.BagReader(folder)
+            reader = ros_bag.BagReader(folder)
             for second, high in ((0, 1), (40, 1 + (40000000 - (2 << 24) >> 12))):
                 stamp = types.SimpleNamespace(sec=1000 + second, nanosec=0)
                 reader.packet(types.SimpleNamespace(
@@ -159,7 +161,7 @@ class Messages(unittest.TestCase):
     def test_the_stamp_places_the_exposure(self):
         for stamp, start in (("start", 5000), ("middle", 4500), ("end", 4000)):
             with self.subTest(stamp), tempfile.TemporaryDirectory() as folder:
-                reader = read_recording.BagReader(folder)
+                reader = ros_bag.BagReader(folder)
                 reader.out.stamp, reader.out.exposures = stamp, [("000000", 5000, 5000)]
                 reader.pictures, reader.lengths = [(1, "/dvs")], {"/dvs": [(1, 1000)]}
                 reader.give_lengths()
@@ -169,32 +171,32 @@ class Messages(unittest.TestCase):
         topics = [types.SimpleNamespace(topic=topic, msgtype=kind) for topic, kind in (
             ("/b/events", "dvs_msgs/msg/EventArray"), ("/a/events", "dvs_msgs/msg/EventArray"),
             ("/image", "sensor_msgs/msg/Image"), ("/imu", "sensor_msgs/msg/Imu"))]
-        self.assertEqual(read_recording.chosen_topics(topics, "", ""), ["/b/events"])
-        self.assertEqual(read_recording.chosen_topics(topics, "/b/events", ""), ["/a/events"])
-        with self.assertRaisesRegex(read_recording.Problem, "found none called /c; there are /image"):
-            read_recording.chosen_topics(topics, "", "/c")
+        self.assertEqual(ros_bag.chosen_topics(topics, "", ""), ["/b/events"])
+        self.assertEqual(ros_bag.chosen_topics(topics, "/b/events", ""), ["/a/events"])
+        with self.assertRaisesRegex(recording_folder.Problem, "found none called /c; there are /image"):
+            ros_bag.chosen_topics(topics, "", "/c")
 
     def test_frames_come_from_the_camera_of_the_events(self):
         for image, message in (("image_raw", "Image"), ("image_raw/compressed", "CompressedImage")):
             topics = [types.SimpleNamespace(topic=f"/davis/{side}/{name}", msgtype=kind) for side in ("left", "right")
                       for name, kind in (("events", "dvs_msgs/msg/EventArray"), (image, f"sensor_msgs/msg/{message}"))]
             right, left = [[f"/davis/{side}/events", f"/davis/{side}/{image}"] for side in ("right", "left")]
-            self.assertEqual(read_recording.chosen_topics(topics, "", ""), right)
-            self.assertEqual(read_recording.chosen_topics(topics, right[0], ""), left)
-            self.assertEqual(read_recording.chosen_topics(topics, "", right[1]), left)
+            self.assertEqual(ros_bag.chosen_topics(topics, "", ""), right)
+            self.assertEqual(ros_bag.chosen_topics(topics, right[0], ""), left)
+            self.assertEqual(ros_bag.chosen_topics(topics, "", right[1]), left)
 
     def test_frames_of_the_scene_come_before_renderings_and_rectified_frames(self):
         for other, kept in (("/events/rendered", "/flir/image"), ("/flir/dvs_rendering", "/flir/image"), ("/flir/a_rect", "/flir/image"),
                             ("/flir/corrected", "/flir/corrected")):
             topics = [types.SimpleNamespace(topic=topic, msgtype=kind) for topic, kind in (
                 ("/events/events", "dvs_msgs/msg/EventArray"), (other, "sensor_msgs/msg/Image"), ("/flir/image", "sensor_msgs/msg/Image"))]
-            left = read_recording.chosen_topics(topics, "", "")
+            left = ros_bag.chosen_topics(topics, "", "")
             self.assertEqual({other, "/flir/image"} - set(left), {kept})
 
     def test_renderings_without_other_frames_are_a_warning(self):
         for topic, count in (("/dvs/dvs_rendering", 1), ("/dvs/image_raw", 0)):
             with tempfile.TemporaryDirectory() as folder:
-                reader = read_recording.BagReader(folder)
+                reader = ros_bag.BagReader(folder)
                 reader.frames_topic = topic
                 self.assertEqual(len(reader.finish().warnings), count)
 
@@ -206,32 +208,32 @@ class Messages(unittest.TestCase):
                                 (("mono16", "16UC1", "32FC1"), "/dvs/a"), (("bgr16", "mono8", "mono8"), "/dvs/b")):
             with self.subTest(encodings):
                 forms = dict(zip(("/dvs/a", "/dvs/b", "/other/c"), encodings))
-                self.assertEqual({"/dvs/a", "/dvs/b", "/other/c"} - set(read_recording.chosen_topics(topics, "", "", forms)), {kept})
-        self.assertNotIn("/dvs/a", read_recording.chosen_topics(topics, "", "/dvs/a", forms))
+                self.assertEqual({"/dvs/a", "/dvs/b", "/other/c"} - set(ros_bag.chosen_topics(topics, "", "", forms)), {kept})
+        self.assertNotIn("/dvs/a", ros_bag.chosen_topics(topics, "", "/dvs/a", forms))
 
     def test_a_bag_without_its_index_names_the_remedy(self):
         for name, remedy in (("a.bag", "rosbag reindex a.bag"), ("b/a.db3", "ros2 bag reindex b"), ("a.mcap", "mcap recover a.mcap")):
-            self.assertIn(remedy, read_recording.index_remedy(name))
+            self.assertIn(remedy, ros_bag.index_remedy(name))
 
     def test_camera_info_of_both_versions_of_ros(self):
         matrix = np.array([199.0, 0, 120, 0, 198, 90, 0, 0, 1])
         for names in ("KD", "kd"):
             values = dict(zip(names, (matrix, np.array([-0.3, 0.1, 0, 0, 0]))))
             message = types.SimpleNamespace(width=240, height=180, distortion_model="plumb_bob", **values)
-            text = read_recording.camera_info_text(message)
+            text = ros_bag.camera_info_text(message)
             self.assertIn("image_width: 240\nimage_height: 180\ncamera_matrix:\n", text)
             self.assertIn("  data: [199.0, 0.0, 120.0, 0.0, 198.0, 90.0, 0.0, 0.0, 1.0]\ndistortion_model: plumb_bob\n", text)
             self.assertIn("  data: [-0.3, 0.1, 0.0, 0.0, 0.0]\n", text)
             self.assertNotIn("binning", text)
             message.binning_x = message.binning_y = 2
-            self.assertIn("\nbinning_x: 2\nbinning_y: 2\n", read_recording.camera_info_text(message))
+            self.assertIn("\nbinning_x: 2\nbinning_y: 2\n", ros_bag.camera_info_text(message))
             message.roi = types.SimpleNamespace(x_offset=0, y_offset=0, width=240, height=180)
-            self.assertNotIn("roi", read_recording.camera_info_text(message))
+            self.assertNotIn("roi", ros_bag.camera_info_text(message))
             message.roi.x_offset = 20
             self.assertIn("\nroi:\n  x_offset: 20\n  y_offset: 0\n  width: 240\n  height: 180\ncamera_matrix:\n",
-                          read_recording.camera_info_text(message))
+                          ros_bag.camera_info_text(message))
             setattr(message, names[0], np.zeros(9))
-            self.assertIsNone(read_recording.camera_info_text(message))
+            self.assertIsNone(ros_bag.camera_info_text(message))
 
     def calibration(self, frames, events, **changes):
         """The camera_info.yaml and the warnings of a bag with these topics."""
@@ -241,9 +243,9 @@ class Messages(unittest.TestCase):
                                         P=np.array([150.0, 0, 121, -7, 0, 151, 91, 0, 0, 0, 1, 0]))
         vars(message).update(changes)
         with tempfile.TemporaryDirectory() as folder:
-            reader = read_recording.BagReader(folder)
-            reader.infos = {read_recording.room_of(frames): message}
-            reader.rooms = {"frames": read_recording.room_of(frames), "events": read_recording.room_of(events)}
+            reader = ros_bag.BagReader(folder)
+            reader.infos = {ros_bag.room_of(frames): message}
+            reader.rooms = {"frames": ros_bag.room_of(frames), "events": ros_bag.room_of(events)}
             reader.frames_topic = frames
             reader.give_calibration()
             path = Path(folder) / "camera_info.yaml"
@@ -290,14 +292,14 @@ class Messages(unittest.TestCase):
     def test_a_full_disk_is_named(self):
         full = OSError("Can't write data (file write failed: errno = 28, error message = 'No space left on device')")
         for error in (OSError(errno.ENOSPC, "x"), OSError(errno.EDQUOT, "x"), full):
-            with self.assertRaisesRegex(read_recording.Problem, "^no space in out; .*set TMPDIR"):
-                read_recording.check_space(error, "out")
+            with self.assertRaisesRegex(recording_folder.Problem, "^no space in out; .*set TMPDIR"):
+                recording_folder.check_space(error, "out")
         for error in (OSError(errno.EIO, "x"), ValueError("cut short")):
-            self.assertIsNone(read_recording.check_space(error, "out"))
+            self.assertIsNone(recording_folder.check_space(error, "out"))
 
     def test_missing_packages_are_one_line(self):
         done = subprocess.run([sys.executable, "-S", SCRIPTS / "read_recording.py", __file__, "out"], capture_output=True, text=True)
-        self.assertEqual(done.returncode, read_recording.PACKAGE_MISSING)
+        self.assertEqual(done.returncode, recording_folder.PACKAGE_MISSING)
         self.assertRegex(done.stderr, r"^needs the Python package numpy: run scripts/setup.sh --import, or pip install 'jade-gs\[import\]'\n$")
 
 
@@ -376,7 +378,7 @@ class Bags(unittest.TestCase):
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
         store = get_typestore(Stores.ROS2_HUMBLE)
         kind = "event_camera_msgs/msg/EventPacket"
-        store.register(get_types_from_msg(read_recording.PACKET, kind))
+        store.register(get_types_from_msg(ros_bag.PACKET, kind))
         types_ = store.types
         header = types_["std_msgs/msg/Header"](stamp=types_["builtin_interfaces/msg/Time"](sec=7, nanosec=0), frame_id="a")
         words = np.frombuffer(struct.pack("<HHHH", 0x8001, 0x6002, 0x0003, 0x2805), np.uint8)
@@ -404,7 +406,7 @@ class Bags(unittest.TestCase):
             (self.folder / name).write_bytes(content)
             done = subprocess.run([sys.executable, SCRIPTS / "read_recording.py", self.folder / name, self.folder / "out"],
                                   capture_output=True, text=True)
-            self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+            self.assertEqual(done.returncode, recording_folder.DATA_ERROR)
             self.assertRegex(done.stderr, rf"^\S*{name}: cannot be read as a ROS bag: .*\n$")
 
 
@@ -520,7 +522,7 @@ class Aedat4(unittest.TestCase):
                     self.assertEqual(file["x"][:].tolist(), [x])
                 self.assertIn(f"left out: {note}\n", (self.folder / "out" / "recording.txt").read_text())
         done = self.run_on(content, "--events-topic", "2")
-        self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+        self.assertEqual(done.returncode, recording_folder.DATA_ERROR)
         self.assertRegex(done.stderr, r"a.aedat4: expected the number or camera .*, found 2; there are 0 \(DVX\), 1 \(DAVIS\)\n$")
 
     def test_of_two_unnamed_cameras_the_first_is_read(self):
@@ -542,7 +544,7 @@ class Aedat4(unittest.TestCase):
         (self.folder / "out").mkdir()
         (self.folder / "out/recording.txt").symlink_to("/dev/full")
         done = self.run_on(aedat4([("EVTS", 346, 260)], [(0, [("list", (1, struct.pack("<qhhB3x", 1000, 3, 4, 1)))])]))
-        self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+        self.assertEqual(done.returncode, recording_folder.DATA_ERROR)
         self.assertRegex(done.stderr, r"^no space in \S*out; .*set TMPDIR.*\n$")
 
     def test_a_damaged_file_is_told_in_one_line(self):
@@ -554,12 +556,12 @@ class Aedat4(unittest.TestCase):
                         whole[:packets] + struct.pack("<iii", 0, 4, 0)):  # a packet without room for its table
             with self.subTest(bytes=len(content)):
                 done = self.run_on(content)
-                self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+                self.assertEqual(done.returncode, recording_folder.DATA_ERROR)
                 self.assertRegex(done.stderr, r"^\S*a.aedat4: .*; the file is damaged or was cut short, copy it again\n$")
 
     def test_a_file_cut_short(self):
         done = self.run_on(b"#!AER-DAT4.0\r\n\x10\0\0\0cut")
-        self.assertEqual(done.returncode, read_recording.DATA_ERROR)
+        self.assertEqual(done.returncode, recording_folder.DATA_ERROR)
         self.assertRegex(done.stderr, r"^\S*a.aedat4: .*cut short, copy it again\n$")
 
 
