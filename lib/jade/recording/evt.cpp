@@ -157,32 +157,42 @@ struct Misfit {
   bool is_large() const { return wrong >= 20 && 100 * wrong > words; }
 };
 
-/// Words of unknown type, times that fall and, of EVT 2.1, vectors that do not begin at a
-/// multiple of 32 and times with a mask.
-Misfit misfit_of(EvtVersion version, const uint8_t* data, size_t size) {
+/// Words of one half of EVT 2.1, or of EVT 2.0, that cannot be: of unknown type, and times that
+/// fall. In EVT 2.1 the other half of a time is empty, and if it is not, vectors that do not begin
+/// at a multiple of 32 count too.
+/// @param step  bytes from word to word
+Misfit misfit_of_words(const uint8_t* data, size_t first, size_t step, size_t size) {
   Misfit out;
-  if (version == EvtVersion::kEvt3) {
-    for (size_t i = 0; i + 2 <= size; i += 2, ++out.words)
-      out.wrong += !is_known_evt3(word_at<uint16_t>(data + i));
-    return out;
+  int64_t times = 0, full = 0, odd = 0;
+  uint32_t latest = 0;
+  for (size_t i = first; i - first + step <= size; i += step, ++out.words) {
+    const auto word = word_at<uint32_t>(data + i);
+    const uint32_t type = bits(word, 28, 4), time = bits(word, 0, 28);
+    out.wrong += !is_known_evt2(word);
+    odd += type <= uint32_t(Evt2Type::kOn) && bits(word, 11, 5) != 0;
+    if (type != uint32_t(Evt2Type::kTimeHigh)) continue;
+    ++times;
+    full += step == 8 && word_at<uint32_t>(data + (i ^ 4)) != 0;
+    out.wrong += time < latest;
+    latest = time;
   }
-  const auto count = [&](size_t first, size_t step) {
-    Misfit found;
-    uint32_t latest = 0;
-    for (size_t i = first; i + step - first <= size; i += step, ++found.words) {
-      const auto word = word_at<uint32_t>(data + i);
-      const uint32_t type = bits(word, 28, 4), time = bits(word, 0, 28);
-      const bool is_time = type == uint32_t(Evt2Type::kTimeHigh);
-      const bool is_odd = step == 8 && type <= 1 && bits(word, 11, 5) != 0;
-      const bool is_full = step == 8 && is_time && word_at<uint32_t>(data + (i ^ 4)) != 0;
-      found.wrong += !is_known_evt2(word) || is_odd || is_full || (is_time && time < latest);
-      if (is_time) latest = time;
-    }
-    return found;
-  };
-  if (version == EvtVersion::kEvt2) return count(0, 4);
-  const Misfit first = count(0, 8), last = count(4, 8);
-  return first.wrong < last.wrong ? first : last;
+  if (times == 0) out.wrong = out.words;
+  if (2 * full > times) out.wrong += full + odd;
+  return out;
+}
+
+/// The words of a stream that this version cannot have.
+Misfit misfit_of(EvtVersion version, const uint8_t* data, size_t size) {
+  if (version == EvtVersion::kEvt2) return misfit_of_words(data, 0, 4, size);
+  if (version == EvtVersion::kEvt21) {
+    const Misfit first = misfit_of_words(data, 0, 8, size);
+    const Misfit last = misfit_of_words(data, 4, 8, size);
+    return first.wrong < last.wrong ? first : last;
+  }
+  Misfit out;
+  for (size_t i = 0; i + 2 <= size; i += 2, ++out.words)
+    out.wrong += !is_known_evt3(word_at<uint16_t>(data + i));
+  return out;
 }
 
 }  // namespace

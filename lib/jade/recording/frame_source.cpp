@@ -170,6 +170,15 @@ bool is_of_colmap(const fs::path& list) {
          io::read_text(list).find("IMAGE_ID, QW") != std::string::npos;
 }
 
+/// Whether the times of a list are 0, 1, 2, … s: numbers of frames.
+bool are_counted(const std::vector<FrameFile>& files) {
+  constexpr int64_t kSecondUs = 1000000;
+  for (size_t i = 1; i < files.size(); ++i) {
+    if (files[i].time->begin_us != files[i - 1].time->begin_us + kSecondUs) return false;
+  }
+  return !files.empty() && files[0].time->begin_us <= kSecondUs;
+}
+
 bool is_same(const fs::path& a, const fs::path& b) {
   std::error_code ignored;
   return fs::equivalent(a, b, ignored);
@@ -423,8 +432,9 @@ std::vector<fs::path> image_folders(const fs::path& folder) {
 
 std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root,
                                     const ReadOptions& options, Recording& recording) {
+  const std::vector<fs::path> folders = list_folders(images.empty() ? root : images, root);
   const auto found = [&](const std::string& name) {
-    for (const fs::path& folder : list_folders(images.empty() ? root : images, root)) {
+    for (const fs::path& folder : folders) {
       if (is_file(folder / name)) return folder / name;
     }
     return fs::path();
@@ -435,11 +445,13 @@ std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root
   const fs::path npz = given ? fs::path() : found("timestamps.npz");
   std::vector<FrameFile> out;
   fs::path lines;
-  for (const std::string& name : {std::string("images.txt"), images.filename().string() + ".txt"}) {
+  for (const std::string& name :
+       {std::string("images.txt"), folders.front().filename().string() + ".txt"}) {
     lines = found(name);
     if (lines.empty() || is_of_colmap(lines) || (!npz.empty() && exposures.empty())) continue;
     Recording with_list = recording;
     std::vector<FrameFile> files = listed_or_none(lines, given || name != "images.txt", with_list);
+    if (name != "images.txt" && are_counted(files)) continue;
     // A list above the folder that the user gives may be that of other images.
     if (files.empty() || (root.empty() && !is_same(files[0].path.parent_path(), images))) continue;
     out = std::move(files), recording = std::move(with_list);
