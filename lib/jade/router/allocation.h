@@ -30,6 +30,7 @@ template <class V>
 void describe(V& v, AllocationOptions& o) {
   v.field("kind", o.kind,
           "source of the weight α between EDI (1) and EFNet (0) for objective.target routed");
+  v.fixed("constant", 0.5);  // listed by runs of earlier versions
 }
 
 /// Interface of θ.

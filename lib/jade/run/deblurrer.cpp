@@ -24,16 +24,15 @@ std::shared_ptr<router::Allocation> load_allocation(const fs::path& run,
     throw CheckpointError(
         concat(run.string(), ": expected a checkpoint with a router, found none; train first"));
   }
+  if (options.objective.target != losses::Target::kRouted) {
+    throw ConfigError(concat(run.string(),
+                             ": expected a run with a router, found objective.target ",
+                             word_of(options.objective.target)));
+  }
   const auto& camera = dataset.train.front().camera;
   auto allocation = router::make_allocation(
       options.allocation, static_cast<int64_t>(dataset.train.size()), camera.height, camera.width,
       make_generator(static_cast<uint64_t>(options.seed), "router start"));
-  if (!allocation || options.objective.target != losses::Target::kRouted) {
-    throw ConfigError(concat(run.string(),
-                             ": expected a run with a router, found objective.target ",
-                             word_of(options.objective.target), " and allocation.kind ",
-                             word_of(options.allocation.kind)));
-  }
   load_checkpoint_allocation(checkpoints.front(), *allocation);
   return allocation;
 }
