@@ -27,13 +27,16 @@ void print_numbers(const char* title, const nlohmann::json& numbers) {
 
 void inspect_run(const fs::path& folder, bool json) {
   const run::RunSummary s = run::summarize_run(folder);
+  const bool routed = s.options.objective.target == losses::Target::kRouted;
   if (json) {
+    nlohmann::json allocation;  // null where no target is routed
+    if (routed) allocation = word_of(s.options.allocation.kind);
     const nlohmann::json result = {{"run", folder.string()},
                                    {"dataset", s.options.dataset.path.string()},
                                    {"step", s.step},
                                    {"iterations", s.options.train.iterations},
                                    {"target", word_of(s.options.objective.target)},
-                                   {"allocation", word_of(s.options.allocation.kind)},
+                                   {"allocation", allocation},
                                    {"metrics", s.metrics},
                                    {"scores", s.scores},
                                    {"gaussians", to_json(s.gaussians)},
@@ -45,8 +48,9 @@ void inspect_run(const fs::path& folder, bool json) {
   std::printf("run         %s, step %ld of %ld\n", folder.c_str(), long(s.step),
               long(s.options.train.iterations));
   std::printf("data set    %s\n", s.options.dataset.path.c_str());
-  std::printf("target      %s, allocation %s, seed %ld\n", word_of(s.options.objective.target),
-              word_of(s.options.allocation.kind), long(s.options.seed));
+  const std::string source = routed ? concat(", α of ", word_of(s.options.allocation.kind)) : "";
+  std::printf("target      %s%s, seed %ld\n", word_of(s.options.objective.target), source.c_str(),
+              long(s.options.seed));
   print_numbers("last logged", s.metrics);
   print_numbers("scores", s.scores);
   print_text(s.gaussians);
