@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
 #include "common/cli.h"
 #include "common/dataset_flags.h"
+#include "jade/config/config.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/device.h"
 #include "jade/eval/folders.h"
@@ -11,6 +14,35 @@ using namespace jade;
 namespace fs = std::filesystem;
 
 namespace {
+
+/// Key and value of each setting that the scores of a run depend on.
+std::vector<std::pair<std::string, std::string>> scoring_values(const train::RunOptions& options) {
+  train::RunOptions scoring;
+  scoring.dataset = options.dataset;
+  scoring.exposure = options.exposure;
+  scoring.splat = options.splat;
+  scoring.gains = options.gains;
+  for (fs::path* path :
+       {&scoring.dataset.path, &scoring.dataset.mask, &scoring.dataset.events_file}) {
+    if (!path->empty()) *path = apps::whole_path(*path);
+  }
+  return config::values(fields_of(scoring));
+}
+
+/// Tables take a run's eval.json for the scores under the run's own settings.
+/// @throws ConfigError if other scores would replace it.
+void check_own_settings(const fs::path& run, const fs::path& folder,
+                        const train::RunOptions& options) {
+  if (apps::whole_path(folder) != apps::whole_path(run)) return;
+  const auto own = scoring_values(run::load_run_options(run)), given = scoring_values(options);
+  const auto other = std::mismatch(own.begin(), own.end(), given.begin());
+  if (other.first == own.end()) return;
+  throw ConfigError(
+      concat("--output: expected a folder other than the run's, whose eval.json is "
+             "for the run's own ",
+             other.first->first, " '", other.first->second, "', found '", other.second->second,
+             "'; choose a folder for the other scores"));
+}
 
 eval::Evaluation evaluate_run(const fs::path& path, const train::RunOptions& options,
                               torch::Device device, const eval::Lpips& lpips) {
@@ -43,7 +75,9 @@ int main(int argc, char** argv) {
       .add_option("--truth", truth, "Folder of true images with the same names")
       ->type_name("DIR");
   apps::add_dataset_flags(program, "--dataset", "Folder of the data set (default: the run's)");
-  program.add_output_flag("Folder for eval.json (default: that of --run or --renders)");
+  program.add_output_flag(
+      "Folder for eval.json (default: that of --run or --renders); needed to score a run with "
+      "settings other than its own");
   program.add_device_flag();
   program.add_json_flag();
   return program.run(argc, argv, [&] {
@@ -62,15 +96,16 @@ int main(int argc, char** argv) {
           concat("--output: expected a folder, into which eval.json is written, found ",
                  program.output().string()));
     }
+    const fs::path folder = !program.output().empty() ? program.output()
+                            : run.empty()             ? renders
+                                                      : run;
+    if (!run.empty()) check_own_settings(run, folder, *options);
     if (!program.output().empty()) make_writable_folder(program.output());
     const torch::Device device = select_device(options->device);
     const eval::Lpips lpips(device);
     const eval::Evaluation evaluation =
         run.empty() ? eval::compare_folders(renders, truth, lpips, options->dataset.mask)
                     : evaluate_run(run, *options, device, lpips);
-    const fs::path folder = !program.output().empty() ? program.output()
-                            : run.empty()             ? renders
-                                                      : run;
     write_file(folder / "eval.json", eval::to_json(evaluation));
     std::cout << (program.json() ? eval::to_json(evaluation) : eval::to_table(evaluation));
     return ExitCode::kOk;

@@ -118,6 +118,18 @@ TEST_CASE("settings: a scene's file serves every program; paths start where they
   CHECK(scored.code == 0);
   CHECK(run(dir, "jade_eval --device cpu --json --run run").out == scored.out);
 
+  // Other settings give other scores, which must not replace those of the run.
+  const std::string scores = read_file(dir / "run/eval.json"),
+                    other = "jade_eval --device cpu --run run ";
+  write_file(dir / "mask.png", read_file(dir / "data/scene/images_1/00.png"));
+  check_error(run(dir, other + "--mask mask.png"), 2, "--output", "dataset.mask", "mask.png");
+  check_error(run(dir, other + "--output ./run --set exposure.samples=5"), 2, "--output",
+              "exposure.samples");
+  check_error(run(dir, other + "--dataset mask.png"), 2, "--output", "dataset.path");
+  CHECK(read_file(dir / "run/eval.json") == scores);
+  CHECK(run(dir, other + "--set exposure.samples=5 --output other").code == 0);
+  CHECK(fs::exists(dir / "other/eval.json"));
+
   // A flag's value is used verbatim, relative to the working directory.
   fs::rename(dir / "data/scene", dir / "a: [b");
   CHECK(run(dir, "jade_deblur --quiet --output c --dataset 'a: [b'" + scene).code == 0);
