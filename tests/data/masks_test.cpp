@@ -126,8 +126,8 @@ TEST_CASE("masks: one of all frames, by key and by name, and both must agree", "
   }
   CHECK(summarize_masks(data).frames == 6);
   CHECK(summarize_masks(data).excluded == Approx(2.0 / test::kWidth));
-  CHECK(truths_of(data, 0)[0].mask.equal(data.train[0].mask));
-  CHECK(truths_of(data, 0)[0].image.slice(2, 0, 2).abs().max().item<float>() == 0);
+  CHECK(truth_of(data, data.train[0])->mask.equal(data.train[0].mask));
+  CHECK(truth_of(data, data.train[0])->image.slice(2, 0, 2).abs().max().item<float>() == 0);
 
   torch::Tensor top = torch::ones({1, test::kHeight, test::kWidth});
   top.slice(1, 0, 3).zero_();

@@ -33,27 +33,32 @@ Dataset one_exposure(const test::TempDir& dir) {
   return dataset;
 }
 
-TEST_CASE("truths_of: the frame in sharp/ first, then test views of mid-exposure", "[data]") {
+TEST_CASE("truth_of: the frame in sharp/, else the test view of mid-exposure", "[data]") {
   const test::TempDir dir;
   Dataset dataset = one_exposure(dir);
-  REQUIRE(truths_of(dataset, 0).size() == 1);
-  CHECK(truths_of(dataset, 0)[0].name == "5000");
+  const Exposure& exposure = dataset.train[0];
+  REQUIRE(truth_of(dataset, exposure));
+  CHECK(truth_of(dataset, exposure)->name == "5000");
   const torch::Tensor sharp = torch::rand({3, 4, 6});
   imaging::write_image(dir / "sharp/00.npy", sharp);
-  const auto truths = truths_of(dataset, 0);
-  REQUIRE(truths.size() == 2);
-  CHECK(truths[0].name == "sharp/00");
-  CHECK(torch::equal(truths[0].image, sharp));
+  REQUIRE(truth_of(dataset, exposure));
+  CHECK(truth_of(dataset, exposure)->name == "sharp/00");
+  CHECK(torch::equal(truth_of(dataset, exposure)->image, sharp));
   dataset.monochrome = true;
-  const torch::Tensor gray = truths_of(dataset, 0)[0].image;
+  const torch::Tensor gray = truth_of(dataset, exposure)->image;
   CHECK(torch::equal(gray[0], gray[2]));
+  Exposure other = exposure;
+  other.name = "01";
+  other.t_start_us = 20000;
+  other.t_end_us = 28000;
+  CHECK_FALSE(truth_of(dataset, other));
 }
 
-TEST_CASE("truths_of: a frame of another size is refused", "[data]") {
+TEST_CASE("truth_of: a frame of another size is refused", "[data]") {
   const test::TempDir dir;
   const Dataset dataset = one_exposure(dir);
   imaging::write_image(dir / "sharp/00.npy", torch::rand({3, 5, 6}));
-  CHECK_THROWS_WITH(truths_of(dataset, 0),
+  CHECK_THROWS_WITH(truth_of(dataset, dataset.train[0]),
                     Catch::Contains("sharp/00.npy") && test::naming("blurry frame"));
 }
 

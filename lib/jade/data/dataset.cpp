@@ -170,14 +170,16 @@ void tell_off_centre(const fs::path& path, const Dataset& data, const Warnings& 
 
 }  // namespace
 
+bool is_mid_exposure(const Exposure& exposure, const SharpView& view) {
+  if (!view.has_time() || exposure.duration_us() == 0) return false;
+  const double away =
+      std::abs(double(view.t_us) - 0.5 * (double(exposure.t_start_us) + double(exposure.t_end_us)));
+  return away <= double(exposure.duration_us()) / 16;
+}
+
 int64_t exposure_of(const Dataset& dataset, const SharpView& view) {
-  if (!view.has_time()) return -1;
   for (size_t i = 0; i < dataset.train.size(); ++i) {
-    const Exposure& exposure = dataset.train[i];
-    if (exposure.duration_us() == 0) continue;
-    const double away = std::abs(double(view.t_us) -
-                                 0.5 * (double(exposure.t_start_us) + double(exposure.t_end_us)));
-    if (away <= double(exposure.duration_us()) / 16) return static_cast<int64_t>(i);
+    if (is_mid_exposure(dataset.train[i], view)) return static_cast<int64_t>(i);
   }
   return -1;
 }

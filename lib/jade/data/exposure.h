@@ -89,8 +89,11 @@ struct Dataset {
   torch::Tensor event_color;
 };
 
-/// Index of the exposure whose mid-exposure is within a sixteenth of its duration (half a step of
-/// its nine poses) of the view's time; -1 if there is none or the view has no time.
+/// Whether the view was taken at mid-exposure: within a sixteenth of the duration (half a step of
+/// the nine poses). False if the view has no time, or the exposure no duration.
+bool is_mid_exposure(const Exposure& exposure, const SharpView& view);
+
+/// Index of the first training exposure at whose middle the view was taken; -1 if there is none.
 int64_t exposure_of(const Dataset& dataset, const SharpView& view);
 
 /// Whether a training exposure sees the scene from the pose of `view`; load_dataset computes it for

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstddef>
+#include <optional>
 #include <string>
 #include <torch/types.h>
-#include <vector>
 
 #include "jade/data/exposure.h"
 
@@ -17,9 +16,9 @@ struct Truth {
   torch::Tensor mask = {};  ///< as Exposure::mask, of the true image and of its exposure combined
 };
 
-/// The true images of exposure `index`: the data set's sharp/<name>.* if there is one (simulated
-/// sets), and every sharp test view taken at its mid-exposure.
+/// The true image of an exposure, training or held out: the data set's sharp/<name>.* if there is
+/// one (simulated sets), else the first sharp test view taken at its mid-exposure, else none.
 /// @throws DataError for a true image of another size.
-std::vector<Truth> truths_of(const Dataset& dataset, size_t index);
+std::optional<Truth> truth_of(const Dataset& dataset, const Exposure& exposure);
 
 }  // namespace jade::data

@@ -104,13 +104,13 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
   for (size_t i = 0; i < dataset.train.size(); ++i) {
     throw_if_interrupted();
     const data::Exposure& exposure = dataset.train[i];
-    const auto truths = data::truths_of(dataset, i);
-    if (method.needs_truth && truths.empty()) {
+    const auto truth = data::truth_of(dataset, exposure);
+    if (method.needs_truth && !truth) {
       ++deblurred.without_truth;
       continue;
     }
     Restored restored = deblurrer.restore(exposure, static_cast<int64_t>(i), times);
-    if (!truths.empty()) restored.candidates.truth = truths.front().image;
+    if (truth) restored.candidates.truth = truth->image;
     // Networks and offsets change pixels that a mask set to 0.
     const auto counted = [&](const torch::Tensor& image) {
       return data::masked(image, exposure.mask);
@@ -129,9 +129,9 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
     }
     write_side_pictures(output, exposure.name, restored);
     ++deblurred.written;
-    for (const data::Truth& truth : truths) {
-      deblurred.views.push_back({exposure.name, truth.name,
-                                 score_all(method, restored.candidates, truth, lpips, fit_gain)});
+    if (truth) {
+      deblurred.views.push_back({exposure.name, truth->name,
+                                 score_all(method, restored.candidates, *truth, lpips, fit_gain)});
     }
     if (progress.step()) progress.show();
   }

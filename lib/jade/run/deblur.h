@@ -20,7 +20,7 @@ struct DeblurPictures {
 };
 
 struct Deblurred {
-  std::vector<eval::ComparedView> views;  ///< one per exposure and truth
+  std::vector<eval::ComparedView> views;  ///< one per exposure with a true image
   int64_t written = 0;                    ///< exposures
   int64_t without_truth = 0;  ///< exposures skipped because the method needs their true image
 };
