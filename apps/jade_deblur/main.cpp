@@ -55,7 +55,8 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
                          "Neither read nor keep restorations");
   program.begin_group("Output");
   cli.add_flag("--poses", flags.pictures.poses,
-               "Also write NAME_<k>.png for each moment of exposure.samples, k from 0: restored at "
+               "Also write NAME_<k>.png for each moment of exposure.samples, k from 0 "
+               "(zero-padded): restored at "
                "that moment by a restorer of version 2, else moved there from the middle by the "
                "events");
   cli.add_option("--times", flags.pictures.times,
@@ -140,6 +141,18 @@ void check_flags(const DeblurFlags& flags, const restore::Method& method,
   restore::check_times(network, restore::read_restorer_metadata(network), flags.pictures.times);
 }
 
+void check_events(const data::Dataset& dataset) {
+  for (const auto* exposures : {&dataset.train, &dataset.held_out}) {
+    for (const data::Exposure& exposure : *exposures) {
+      if (!exposure.events.empty()) return;
+    }
+  }
+  throw DataError(
+      concat(dataset.root.string(),
+             ": expected blurry frames with events, found no events in any exposure, so "
+             "that nothing can be restored; use a layout with events (docs/data.md)"));
+}
+
 ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   const auto settings = apps::load_settings(program, flags.options.run);
   if (!settings) return ExitCode::kOk;
@@ -153,6 +166,7 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
   std::vector<std::string> warnings;
   const data::Dataset dataset = data::load_dataset(settings->dataset, &warnings);
   for (const std::string& warning : warnings) log_warn(warning);
+  check_events(dataset);
   train::apply_dataset(dataset, flags.options.settings);
   run::settle_thresholds(
       dataset,
@@ -175,7 +189,7 @@ ExitCode deblur(DeblurFlags flags, apps::Program& program) {
                            "found none; use mean"));
   }
   if (deblurred.without_truth > 0) {
-    log_warn(concat(deblurred.without_truth, " of ", dataset.train.size(),
+    log_warn(concat(deblurred.without_truth, " of ", deblurred.written + deblurred.without_truth,
                     " exposures have no sharp truth and were left out"));
   }
   log_info(concat(deblurred.written, " restored frames in ", output.string()));

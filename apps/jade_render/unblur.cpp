@@ -5,6 +5,7 @@
 
 #include "jade/config/config.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/train/exposure_span.h"
 
 namespace jade::apps {
@@ -57,11 +58,9 @@ Unblurring unblurring_of(const data::Exposure& exposure, const geometry::Exposur
   Unblurring film{exposure.name, exposure.blurry, {}};
   const train::ExposureSpan span = train::span_of(exposure);
   const auto moments = geometry::quadrature(options.quadrature, options.samples);
-  const size_t digits = std::to_string(moments.u.size() - 1).size();
   for (size_t k = 0; k < moments.u.size(); ++k) {
-    std::string number = std::to_string(k);
-    number.insert(0, digits - number.size(), '0');
-    film.moments.push_back({exposure.name + "_" + number, span.at(moments.u[k]), exposure.camera});
+    film.moments.push_back({concat(exposure.name, "_", padded(k, moments.u.size())),
+                            span.at(moments.u[k]), exposure.camera});
   }
   return film;
 }

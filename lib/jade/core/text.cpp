@@ -18,6 +18,11 @@ bool has_ending(std::string_view text, std::string_view ending) {
   return text.size() >= ending.size() && text.substr(text.size() - ending.size()) == ending;
 }
 
+std::string padded(size_t index, size_t count) {
+  const std::string number = std::to_string(index);
+  return std::string(std::to_string(count - 1).size() - number.size(), '0') + number;
+}
+
 std::string listing(const std::vector<std::string>& names, size_t most) {
   std::string text;
   const size_t shown = std::min(names.size(), most);

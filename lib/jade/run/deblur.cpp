@@ -6,7 +6,9 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/log.h"
 #include "jade/core/progress.h"
+#include "jade/core/text.h"
 #include "jade/data/masks.h"
 #include "jade/data/truths.h"
 #include "jade/imaging/image_io.h"
@@ -46,6 +48,29 @@ std::vector<eval::Scores> score_all(const restore::Method& method,
   return scores;
 }
 
+struct View {
+  const data::Exposure* exposure;
+  int64_t index;  ///< among the training views; -1: held out
+};
+
+/// The exposures to restore: all, but those held out if the method has a map per training view.
+std::vector<View> views_of(const data::Dataset& dataset, const DeblurOptions& options,
+                           const restore::Method& method) {
+  std::vector<View> views;
+  for (const data::Exposure& exposure : dataset.train) {
+    views.push_back({&exposure, static_cast<int64_t>(views.size())});
+  }
+  if (!dataset.held_out.empty() && method.needs_run &&
+      load_run_options(options.run).allocation.kind == router::AllocationKind::kPerViewMap) {
+    log_warn(concat(dataset.held_out.size(),
+                    " held-out exposures are left out, because the run "
+                    "has learned maps of training views only (allocation.kind per_view_map)"));
+    return views;
+  }
+  for (const data::Exposure& exposure : dataset.held_out) views.push_back({&exposure, -1});
+  return views;
+}
+
 /// A moment other than the middle, and the suffix of its files.
 struct NamedMoment {
   double u;
@@ -58,16 +83,17 @@ std::vector<NamedMoment> moments_of(const DeblurPictures& pictures, bool poses,
   std::vector<NamedMoment> moments;
   for (const double u : pictures.times) moments.push_back({u, concat("_t", u)});
   if (!poses) return moments;
-  for (const double u : geometry::quadrature(exposure.quadrature, exposure.samples).u) {
-    moments.push_back({u, concat("_", moments.size() - pictures.times.size())});
+  const auto all = geometry::quadrature(exposure.quadrature, exposure.samples).u;
+  for (size_t k = 0; k < all.size(); ++k) {
+    moments.push_back({all[k], "_" + padded(k, all.size())});
   }
   return moments;
 }
 
 /// @param poses  number of additional, numbered pictures per exposure
 /// @throws ConfigError if one picture would overwrite another.
-void check_names(const data::Dataset& dataset, const std::vector<NamedMoment>& moments,
-                 int64_t poses) {
+void check_names(const std::vector<View>& views, const std::vector<NamedMoment>& moments,
+                 size_t poses) {
   std::unordered_set<std::string> names;
   const auto add = [&](const std::string& name) {
     if (names.insert(name).second) return;
@@ -75,10 +101,11 @@ void check_names(const data::Dataset& dataset, const std::vector<NamedMoment>& m
                              "' for two; --times must differ by a millionth or more, and no frame ",
                              "may be named as another one with a moment"));
   };
-  for (const data::Exposure& exposure : dataset.train) {
-    add(exposure.name);
-    for (const NamedMoment& moment : moments) add(exposure.name + moment.ending);
-    for (int64_t k = 0; k < poses; ++k) add(concat(exposure.name, "_", k));
+  for (const View& view : views) {
+    const std::string& name = view.exposure->name;
+    add(name);
+    for (const NamedMoment& moment : moments) add(name + moment.ending);
+    for (size_t k = 0; k < poses; ++k) add(concat(name, "_", padded(k, poses)));
   }
 }
 
@@ -93,23 +120,25 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
       pictures.poses && deblurrer.has_any_time_network() && !method.needs_truth;
   const auto moments = moments_of(pictures, poses_restored, options.settings.exposure);
   const bool poses_carried = pictures.poses && !poses_restored;
-  check_names(dataset, moments, poses_carried ? options.settings.exposure.samples : 0);
+  const std::vector<View> views = views_of(dataset, options, method);
+  const auto poses = static_cast<size_t>(options.settings.exposure.samples);
+  check_names(views, moments, poses_carried ? poses : 0);
   std::vector<double> times;
   for (const NamedMoment& moment : moments) times.push_back(moment.u);
   const eval::Lpips lpips(device);
   // With automatic exposure, frames are not as bright as the true images.
   const bool fit_gain = train::learns_gains({}, dataset);
   Deblurred deblurred;
-  Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "frames");
-  for (size_t i = 0; i < dataset.train.size(); ++i) {
+  Progress progress("restoring", static_cast<int64_t>(views.size()), 0, "frames");
+  for (const View& view : views) {
     throw_if_interrupted();
-    const data::Exposure& exposure = dataset.train[i];
+    const data::Exposure& exposure = *view.exposure;
     const auto truth = data::truth_of(dataset, exposure);
     if (method.needs_truth && !truth) {
       ++deblurred.without_truth;
       continue;
     }
-    Restored restored = deblurrer.restore(exposure, static_cast<int64_t>(i), times);
+    Restored restored = deblurrer.restore(exposure, view.index, times);
     if (truth) restored.candidates.truth = truth->image;
     // Networks and offsets change pixels that a mask set to 0.
     const auto counted = [&](const torch::Tensor& image) {
@@ -123,8 +152,9 @@ Deblurred deblur(const data::Dataset& dataset, const DeblurOptions& options,
     }
     if (poses_carried) {
       const torch::Tensor latents = deblurrer.at_all_poses(result, restored);
-      for (int64_t k = 0; k < latents.size(0); ++k) {
-        save(output / concat(exposure.name, "_", k), counted(latents[k]), pictures.npy);
+      for (size_t k = 0; k < poses; ++k) {
+        save(output / concat(exposure.name, "_", padded(k, poses)),
+             counted(latents[static_cast<int64_t>(k)]), pictures.npy);
       }
     }
     write_side_pictures(output, exposure.name, restored);

@@ -41,6 +41,7 @@ class Deblurrer {
   Deblurrer(const DeblurOptions& options, const restore::Method& method,
             const data::Dataset& dataset, torch::Device device);
 
+  /// @param index  among the training views, used by per_view_map only
   /// @param times  additional moments to restore, 0 the start and 1 the end of the exposure
   /// @throws DataError if the restorer supports the middle only.
   Restored restore(const data::Exposure& exposure, int64_t index,
