@@ -328,6 +328,11 @@ test('sweep: a lead within the noise of seeds is called level', () => {
   // Rows with several seeds have their own noise, so the level row need not be the nearest one.
   assert.equal(level(0.3, row('a', 30.05, 0.01), row('b', 30, 0.01)), '');
   assert.equal(level(0.3, row('a', 30.05, 0.01), row('b', 30, 0.01), row('c', 29.9, 0.2)), 'c');
+  // A single seed on either side has no noise of its own.
+  assert.equal(level(0.3, row('a', 30.05, 0.01), row('b', 30)), 'b');
+  assert.equal(level(0.3, row('a', 30.05), row('b', 30, 0.01)), 'b');
+  assert.equal(level(0.3, row('a', 30.4, 0.01), row('b', 30)), '');
+  assert.equal(level(0.3, row('a', 30.4, 0.5), row('b', 30)), 'b');
   // Two that are printed alike are both the best.
   const tie = { title: 'b', cells: [{ mean: 0.441, deviation: 0, best: true }] };
   assert.equal(level(0, row('a', 0.442, 0), tie), 'b');

@@ -45,11 +45,13 @@ export function picturesOf(data, scene, view) {
 
 /**
  * Title of a row that `row`, one of the best in column k, leads by no more than the seeds' noise, or '' if the lead is significant.
- * @param noise  of the column, used if the row has a single seed
+ * @param noise  of the column, the least margin if either row has a single seed
  */
 export function levelWith({ rows }, k, row, noise) {
   const { mean, deviation } = row.cells[k];
-  const level = ({ cells: { [k]: cell } }) => cell.best || Math.abs(mean - cell.mean) <= (typeof deviation === 'number' ? deviation + (cell.deviation ?? 0) : noise);
+  const measured = (value) => typeof value === 'number';
+  const margin = (other) => Math.max((deviation ?? 0) + (other ?? 0), measured(deviation) && measured(other) ? 0 : noise);
+  const level = ({ cells: { [k]: cell } }) => cell.best || Math.abs(mean - cell.mean) <= margin(cell.deviation);
   return rows.find((each) => each !== row && typeof each.cells[k].mean === 'number' && !each.cells[k].gap && level(each))?.title ?? '';
 }
 
