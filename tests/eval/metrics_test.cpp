@@ -18,19 +18,21 @@ torch::Tensor random_image(int seed, int64_t height = 24, int64_t width = 30) {
 }
 
 /// SSIM by its definition, one window at a time: an independent reference for the fused
-/// implementation.
-double slow_ssim(const torch::Tensor& a, const torch::Tensor& b) {
+/// implementation. Windows centred on excluded pixels do not count.
+double slow_ssim(const torch::Tensor& a, const torch::Tensor& b, const torch::Tensor& mask = {}) {
   constexpr int kRadius = 5;
   double weights[11][11], total = 0;
   for (int i = -kRadius; i <= kRadius; ++i) {
     for (int j = -kRadius; j <= kRadius; ++j)
       total += weights[i + 5][j + 5] = std::exp(-(i * i + j * j) / (2 * 1.5 * 1.5));
   }
-  double sum = 0;
+  double sum = 0, counted = 0;
   const auto x = a.accessor<float, 3>(), y = b.accessor<float, 3>();
   for (int64_t c = 0; c < a.size(0); ++c) {
     for (int64_t row = 0; row < a.size(1); ++row) {
       for (int64_t column = 0; column < a.size(2); ++column) {
+        if (mask.defined() && !mask[0][row][column].item<bool>()) continue;
+        ++counted;
         double mx = 0, my = 0, xx = 0, yy = 0, xy = 0;
         for (int i = -kRadius; i <= kRadius; ++i) {
           for (int j = -kRadius; j <= kRadius; ++j) {
@@ -50,7 +52,7 @@ double slow_ssim(const torch::Tensor& a, const torch::Tensor& b) {
       }
     }
   }
-  return sum / static_cast<double>(a.numel());
+  return sum / counted;
 }
 
 }  // namespace
@@ -100,6 +102,16 @@ TEST_CASE("ssim: of a render and of a truth, values outside [0,1] count as a scr
   CHECK(std::abs(slow_ssim(wide, within) - expected) > 0.01);
   CHECK(eval::ssim(wide, within) == Approx(expected).margin(1e-5));
   CHECK(eval::ssim(within, wide) == Approx(expected).margin(1e-5));
+}
+
+TEST_CASE("ssim: excluded pixels are 0 in both images and have no share in the mean", "[eval]") {
+  const auto a = random_image(1), b = (a + 0.5 * random_image(2)).clamp(0, 1);
+  torch::Tensor mask = torch::zeros({1, 24, 30}, torch::kBool);
+  mask.slice(1, 0, 8).slice(2, 3, 25).fill_(true);
+  const double expected = slow_ssim(a * mask, b * mask, mask);
+  CHECK(std::abs(expected - slow_ssim(a * mask, b * mask)) > 0.05);
+  CHECK(eval::ssim(a, b, mask) == Approx(expected).margin(1e-5));
+  CHECK(eval::ssim(a, b, torch::ones_like(mask)) == Approx(eval::ssim(a, b)).margin(1e-5));
 }
 
 TEST_CASE("metrics: excluded pixels change no score", "[eval]") {

@@ -94,6 +94,8 @@ TEST_CASE("ssim: value and both gradients equal the slow reference at any size",
     const auto grads = torch::autograd::grad({expected}, {a, b});
     const auto value = ssim(a, b);
     CHECK(value.item<double>() == Approx(expected.item<double>()).margin(1e-12));
+    CHECK(ssim_map(a, b).sizes() == a.sizes());
+    CHECK(ssim_map(a, b).mean().item<double>() == Approx(expected.item<double>()).margin(1e-12));
     value.backward();
     CHECK(a.grad().sub(grads[0]).abs().max().item<double>() <
           1e-9 * std::max(1.0, grads[0].abs().max().item<double>()));

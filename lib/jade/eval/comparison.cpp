@@ -89,8 +89,8 @@ std::string to_table(const std::vector<ComparedView>& views) {
                 lpips_text(mean.lpips_vgg).c_str());
   }
   out +=
-      "PSNR is -10 log10 of the mean squared error over all pixels and channels, in dB, images in "
-      "[0,1].\n";
+      "PSNR is -10 log10 of the mean squared error over all unmasked pixels and channels, in dB, "
+      "images in [0,1].\n";
   if (!means.front().lpips_alex01 || !means.front().lpips_vgg) out += kLpipsAbsent;
   return out;
 }

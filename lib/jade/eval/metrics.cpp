@@ -55,8 +55,13 @@ double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth,
 double ssim(const torch::Tensor& image, const torch::Tensor& truth, const torch::Tensor& mask) {
   check_pair(image, truth);
   const torch::NoGradGuard no_grad;
-  return imaging::ssim(only_counted(image.detach().clamp(0, 1), mask).contiguous(),
-                       only_counted(truth.detach().clamp(0, 1), mask).contiguous())
+  const auto counted = [&](const torch::Tensor& x) {
+    return only_counted(x.detach().clamp(0, 1), mask).contiguous();
+  };
+  if (!mask.defined()) return imaging::ssim(counted(image), counted(truth)).item<double>();
+  return imaging::ssim_map(counted(image), counted(truth))
+      .masked_select(mask.to(image.device()))
+      .mean()
       .item<double>();
 }
 

@@ -7,15 +7,16 @@
 
 namespace jade::eval {
 
-/// −10 log10 of the mean squared error over all pixels and channels, dB. 100 for equal images.
+/// −10 log10 of the mean squared error over all pixels that count and channels, dB. 100 for equal
+/// images.
 double psnr(const torch::Tensor& image, const torch::Tensor& truth, const torch::Tensor& mask = {});
 
 /// Mean of the three channels' PSNRs, dB, as in the field's published tables.
 double psnr_channel_mean(const torch::Tensor& image, const torch::Tensor& truth,
                          const torch::Tensor& mask = {});
 
-/// SSIM with an 11×11 Gaussian window (σ = 1.5) and zero padding, mean over pixels and channels.
-/// Excluded pixels are 0 in both images.
+/// SSIM with an 11×11 Gaussian window (σ = 1.5) and zero padding, mean over the pixels that count
+/// and channels. Windows see excluded pixels as 0 in both images.
 double ssim(const torch::Tensor& image, const torch::Tensor& truth, const torch::Tensor& mask = {});
 
 /// The image with excluded pixels set to 0; the same tensor if all pixels count.

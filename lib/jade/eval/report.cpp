@@ -14,10 +14,11 @@ using Json = nlohmann::ordered_json;
 
 const std::vector<std::pair<const char*, const char*>>& definitions() {
   static const std::vector<std::pair<const char*, const char*>> list = {
-      {"psnr", "-10 log10 of the mean squared error over all pixels and channels, dB"},
+      {"psnr", "-10 log10 of the mean squared error over all unmasked pixels and channels, dB"},
       {"psnr_channel_mean",
        "mean of the PSNRs of the three channels, dB (the published tables' definition)"},
-      {"ssim", "11x11 Gaussian window, sigma 1.5, zero padding, mean over pixels and channels"},
+      {"ssim",
+       "11x11 Gaussian window, sigma 1.5, zero padding, mean over unmasked pixels and channels"},
       {"lpips_alex01", "LPIPS v0.1, AlexNet, inputs in [0,1] (the published tables' definition)"},
       {"lpips_vgg", "LPIPS v0.1, VGG16, inputs in [-1,1]"},
       {"psnr_reblur",

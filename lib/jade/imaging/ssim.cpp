@@ -149,6 +149,17 @@ torch::Tensor ssim(const torch::Tensor& a, const SsimTarget& b) {
   return similarity(a, b, {0, 1, 0});
 }
 
+torch::Tensor ssim_map(const torch::Tensor& a, const torch::Tensor& b) {
+  check_pair(a, b);
+  const torch::Tensor x = a.to(torch::kFloat64), y = b.to(torch::kFloat64);
+  const torch::Tensor mx = window_mean(x), my = window_mean(y);
+  const torch::Tensor squares = mx.square() + my.square();
+  const torch::Tensor variances = window_mean(x.square() + y.square()) - squares;
+  const torch::Tensor covariance = window_mean(x * y) - mx * my;
+  return (2 * mx * my + kSsimC1) * (2 * covariance + kSsimC2) /
+         ((squares + kSsimC1) * (variances + kSsimC2));
+}
+
 torch::Tensor l1_ssim(const torch::Tensor& a, const torch::Tensor& c, double lambda) {
   return similarity(a, {c, {}, {}}, dissimilarity_weights(lambda));
 }

@@ -26,6 +26,10 @@ SsimTarget ssim_target(const torch::Tensor& image);
 torch::Tensor ssim(const torch::Tensor& a, const torch::Tensor& b);
 torch::Tensor ssim(const torch::Tensor& a, const SsimTarget& b);
 
+/// SSIM at each pixel and channel, float64 in the shape of the images; ssim() is its mean. Plain
+/// operations of torch, for scores of masked images. Differentiable.
+torch::Tensor ssim_map(const torch::Tensor& a, const torch::Tensor& b);
+
 /// D(A, C) = (1 − λ) mean|A − C| + λ (1 − SSIM(A, C)), Eq. (8), in the same single pass. The
 /// derivative of |x| at 0 is taken as 0. Differentiable in both images.
 torch::Tensor l1_ssim(const torch::Tensor& a, const torch::Tensor& c, double lambda);
