@@ -69,6 +69,14 @@ inline std::filesystem::path whole_path(const std::filesystem::path& path) {
   return std::filesystem::weakly_canonical(std::filesystem::absolute(path));
 }
 
+/// The options with whole paths, for comparing settings.
+inline data::DatasetOptions with_whole_paths(data::DatasetOptions dataset) {
+  for (std::filesystem::path* path : {&dataset.path, &dataset.mask, &dataset.events_file}) {
+    if (!path->empty()) *path = whole_path(*path);
+  }
+  return dataset;
+}
+
 /// The part of check_apart() for one data set.
 inline void check_apart_from(const data::DatasetOptions& dataset,
                              const std::filesystem::path& output) {

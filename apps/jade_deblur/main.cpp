@@ -74,6 +74,7 @@ constexpr char kMark[] = "deblur.txt";
 
 std::string mark_of(const DeblurFlags& flags) {
   train::RunOptions settings;
+  settings.dataset = apps::with_whole_paths(flags.options.settings.dataset);
   settings.events = flags.options.settings.events;
   settings.exposure = flags.options.settings.exposure;
   settings.efnet = flags.options.settings.efnet;
@@ -82,9 +83,8 @@ std::string mark_of(const DeblurFlags& flags) {
   digest.update(concat(flags.options.run.string(), "; ", flags.options.log_offset, "; ",
                        flags.pictures.poses, flags.pictures.npy));
   for (const double time : flags.pictures.times) digest.update(concat(' ', time));
-  return concat("method ", flags.method, "\ndata set ",
-                apps::whole_path(flags.options.settings.dataset.path).string(), "\nsettings ",
-                digest.hex().substr(0, 12), "\n");
+  return concat("method ", flags.method, "\ndata set ", settings.dataset.path.string(),
+                "\nsettings ", digest.hex().substr(0, 12), "\n");
 }
 
 /// Allows a folder without files, or with pictures of the same data set, method and settings, which

@@ -18,14 +18,10 @@ namespace {
 /// Key and value of each setting that the scores of a run depend on.
 std::vector<std::pair<std::string, std::string>> scoring_values(const train::RunOptions& options) {
   train::RunOptions scoring;
-  scoring.dataset = options.dataset;
+  scoring.dataset = apps::with_whole_paths(options.dataset);
   scoring.exposure = options.exposure;
   scoring.splat = options.splat;
   scoring.gains = options.gains;
-  for (fs::path* path :
-       {&scoring.dataset.path, &scoring.dataset.mask, &scoring.dataset.events_file}) {
-    if (!path->empty()) *path = apps::whole_path(*path);
-  }
   return config::values(fields_of(scoring));
 }
 

@@ -151,6 +151,11 @@ TEST_CASE("jade_deblur: a folder of other files or of another method is refused"
   const std::string frame = read_file(scene.dir / "a/00.png");
   check_error(run(scene.dir, into + "a --method efnet"), 2, "--output", "method edi", "scene");
   check_error(run(scene.dir, into + "a --method edi --npy"), 2, "--output", "settings");
+  for (const char* other : {"--mask scene/sharp/00.png", "--set dataset.color=gray", "--split none",
+                            "--image-folder sharp", "--events-unit us"}) {
+    check_error(run(scene.dir, concat(into, "a --method edi ", other)), 2, "--output", "settings");
+  }
+  CHECK(run(scene.dir, into + "a --method edi --events-file ''").code == 0);
   scene.dir.write("b/.DS_Store", "of a file manager");
   CHECK(run(scene.dir, into + "b --method edi").code == 0);
   fs::remove_all(scene.dir / "b");
