@@ -19,8 +19,16 @@ std::vector<sweep::Missing> missing_files(const train::RunOptions& options) {
     }
   };
   look(sweep::kDatasetKey, options.dataset.path, fs::is_directory(options.dataset.path));
+  const auto look_for_file = [&](const char* key, const fs::path& path) {
+    look(key, path, fs::is_regular_file(path));
+  };
+  if (!options.dataset.events_file.empty()) {
+    look_for_file("dataset.events_file", options.dataset.events_file);
+  }
+  if (!options.dataset.mask.empty()) look_for_file("dataset.mask", options.dataset.mask);
+  if (options.init.kind == gaussians::InitKind::kPly) look_for_file("init.ply", options.init.ply);
   const fs::path efnet = restore::restorer_path(options.efnet);
-  if (train::needs_efnet(options)) look("efnet.path", efnet, fs::is_regular_file(efnet));
+  if (train::needs_efnet(options)) look_for_file("efnet.path", efnet);
   if (options.objective.target == losses::Target::kImageFolder) {
     look("train.target_images", options.train.target_images,
          fs::is_directory(options.train.target_images));

@@ -89,14 +89,20 @@ TEST_CASE("jade_sweep: mistakes are refused before anything starts, all at once"
       "c},\n"
       "  {name: d, set: [objective.target=efnet, efnet.path=nowhere.pt]}, {name: e, set: "
       "[exposure.samples=6]},\n"
-      "  {name: f, set: [densify.until=10, train.iterations=800]}]\n");
+      "  {name: f, set: [densify.until=10, train.iterations=800]},\n"
+      "  {name: g, set: [init.kind=ply, init.ply=nowhere.ply]},\n"
+      "  {name: h, set: [dataset.mask=nowhere.png, dataset.events_file=nowhere.h5]},\n"
+      "  {name: i, set: [objective.target=image_folder, objective.restored_poses=middle,\n"
+      "  train.target_images=nowhere]}]\n");
   const Outcome outcome = run(dir, "--sweep bad.yaml --output out");
   INFO(outcome.err);
   CHECK(outcome.code == 2);
   for (const char* problem :
        {"objective.dsim: unknown key; did you mean objective.dssim?", "found 'many'",
         "scene tiny: dataset.path: expected", "row d: efnet.path: expected",
-        "row e: exposure.samples", "row f: densify.until"}) {
+        "row e: exposure.samples", "row f: densify.until", "row g: init.ply: expected",
+        "nowhere.ply", "row h: dataset.mask: expected", "row h: dataset.events_file: expected",
+        "row i: train.target_images: expected"}) {
     CHECK_THAT(outcome.err, Catch::Contains(problem));
   }
   CHECK_FALSE(std::filesystem::exists(dir / "out"));
