@@ -87,6 +87,13 @@ int main(int argc, char** argv) {
                                : renders.empty()                               ? "no --renders"
                                                                                : "no --truth"));
     }
+    for (const char* flag : {"--dataset", "--kind", "--split", "--image-folder", "--events-file",
+                             "--events-unit", "--time-unit"}) {
+      if (!folders || program.cli().count(flag) == 0) continue;
+      throw ConfigError(concat(flag,
+                               ": expected with --run, found --renders and --truth, which "
+                               "need no data set; take it out"));
+    }
     if (program.output().extension() == ".json") {
       throw ConfigError(
           concat("--output: expected a folder, into which eval.json is written, found ",

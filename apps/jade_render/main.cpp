@@ -339,6 +339,21 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
                              " for the film of the exposure"));
   }
   const bool film = flags.format == "mp4";
+  if (program.json() && !flags.fps_benchmark) {
+    throw ConfigError("--json: expected with --fps-benchmark, whose times it prints; take it out");
+  }
+  const auto has_set = [&](const std::string& key) {
+    const auto& all = program.overrides();
+    return std::any_of(all.begin(), all.end(),
+                       [&](const std::string& set) { return set.rfind(key + "=", 0) == 0; });
+  };
+  const bool mask = program.cli().count("--mask") > 0 || has_set("dataset.mask");
+  if (flags.unblur.empty() && !film && (mask || has_set("dataset.color"))) {
+    throw ConfigError(
+        concat(mask ? "--mask" : "dataset.color",
+               ": expected with --unblur, whose blurry frame it changes; renders show "
+               "all pixels of the scene in its colours; take it out"));
+  }
   if (flags.depth && (film || flags.fps_benchmark)) {
     throw ConfigError(concat("--depth: expected with images, found ",
                              film ? "--format mp4" : "--fps-benchmark", "; take one of them out"));

@@ -343,4 +343,8 @@ TEST_CASE("jade_eval: folders whose names or sizes differ get one line", "[apps]
   check_error(eval("--renders out --truth empty"), 3, "empty", "none");
   check_error(eval("--renders nowhere --truth truth"), 3, "nowhere");
   check_error(eval("--renders out"), 2, "--renders", "--truth");
+  for (const char* flag : {"--dataset scene", "--split last", "--events-file file"}) {
+    check_error(eval(concat("--renders out --truth truth ", flag)), 2,
+                std::string(flag).substr(0, std::string(flag).find(' ')), "--run");
+  }
 }
