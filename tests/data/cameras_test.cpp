@@ -63,6 +63,21 @@ TEST_CASE("cameras: what is written is read back, and both ways to say a pose ag
                     Catch::Contains("bare.json") && Catch::Contains("camera_from_world"));
 }
 
+TEST_CASE("cameras: values that a render would ignore are refused", "[data]") {
+  const test::TempDir dir;
+  const std::string pose = R"("camera_from_world":[[1,0,0,0],[0,1,0,0],[0,0,1,0]])";
+  const auto read = [&](const std::string& more) {
+    return read_cameras(dir.write("own.json", R"([{"fx":5,)" + pose + "," + more + "}]"));
+  };
+  const std::string size = R"("width":4.0,"height":3)";
+  CHECK(read(size + R"(,"k1":0,"distortion":[0,0.0])")[0].camera.width == 4);
+  CHECK_THROWS_NAMING(DataError, read(R"("width":240.5,"height":3)"), "own.json", "width", "240.5");
+  CHECK_THROWS_NAMING(DataError, read(size + R"(,"k1":0.1)"), "own.json", "k1");
+  CHECK_THROWS_NAMING(DataError, read(size + R"(,"distortion":[0,0.1])"), "distortion");
+  CHECK_THROWS_NAMING(DataError, read(size + R"(,"position":[0,0,0])"), "camera_from_world",
+                      "position");
+}
+
 TEST_CASE("cameras: files that are no list of cameras are reported in plain words", "[data]") {
   const test::TempDir dir;
   const auto told = [&](const std::string& text) -> std::string {

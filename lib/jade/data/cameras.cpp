@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/data/cameras.h"
 
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <unordered_set>
 
@@ -27,7 +29,34 @@ T required(const json& entry, const json& defaults, const std::string& key) {
   return value->get<T>();
 }
 
+/// A whole number of pixels.
+int64_t required_pixels(const json& entry, const json& defaults, const char* key) {
+  const auto value = required<double>(entry, defaults, key);
+  if (value == std::floor(value) && std::abs(value) < 1e9) return static_cast<int64_t>(value);
+  throw DataError(concat("expected \"", key, "\" to be a whole number of pixels, found ", value));
+}
+
+/// Views are rendered with a pinhole camera.
+void check_undistorted(const json& entry, const json& defaults) {
+  for (const char* key : {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "distortion"}) {
+    const json* value = value_of(entry, defaults, key);
+    if (value == nullptr) continue;
+    const bool zero = value->is_array() ? std::all_of(value->begin(), value->end(),
+                                                      [](const json& each) { return each == 0; })
+                                        : value->is_null() || *value == 0;
+    if (zero) continue;
+    throw DataError(concat("expected a camera without distortion, found \"", key,
+                           "\"; remove it to render as a pinhole camera"));
+  }
+}
+
 geometry::Pose pose_of(const json& entry) {
+  if (entry.contains("camera_from_world") &&
+      (entry.contains("position") || entry.contains("rotation"))) {
+    throw DataError(
+        "expected \"camera_from_world\", or \"position\" with \"rotation\", found both; remove "
+        "one");
+  }
   if (entry.contains("camera_from_world")) {
     return rigid_pose(entry.at("camera_from_world"),
                       "expected \"camera_from_world\" to be 3 or 4 rows of a rotation and "
@@ -50,8 +79,9 @@ geometry::Pose pose_of(const json& entry) {
 NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
   NamedCamera result;
   geometry::Intrinsics& camera = result.camera;
-  camera.width = required<int64_t>(entry, defaults, "width");
-  camera.height = required<int64_t>(entry, defaults, "height");
+  check_undistorted(entry, defaults);
+  camera.width = required_pixels(entry, defaults, "width");
+  camera.height = required_pixels(entry, defaults, "height");
   camera.fx = required<double>(entry, defaults, "fx");
   const auto optional = [&](const char* key, double fallback) {
     const json* value = value_of(entry, defaults, key);
