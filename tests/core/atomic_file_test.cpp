@@ -26,6 +26,25 @@ TEST_CASE("AtomicFile: without commit the old content stays and no trace is left
   CHECK(std::distance(std::filesystem::directory_iterator(dir.path()), {}) == 1);
 }
 
+TEST_CASE("AtomicFile: a link stays, and its target is written", "[core]") {
+  namespace fs = std::filesystem;
+  const test::TempDir dir;
+  dir.write("there/file.txt", "old");
+  fs::create_symlink("there/file.txt", dir / "link");
+  fs::create_symlink(dir / "link", dir / "far");
+  fs::create_symlink("there/new.txt", dir / "dangling");
+  fs::create_symlink("circle", dir / "circle");
+  write_file(dir / "far", "new");
+  write_file(dir / "dangling", "made");
+  write_file(dir / "circle", "replaced");
+  CHECK(fs::is_symlink(dir / "far"));
+  CHECK(fs::is_symlink(dir / "link"));
+  CHECK(read_file(dir / "there/file.txt") == "new");
+  CHECK(fs::is_symlink(dir / "dangling"));
+  CHECK(read_file(dir / "there/new.txt") == "made");
+  CHECK(read_file(dir / "circle") == "replaced");
+}
+
 TEST_CASE("AtomicFolder: what is written appears with commit, else nothing is left", "[core]") {
   const test::TempDir dir;
   const auto path = dir.path() / "a" / "b";

@@ -29,9 +29,19 @@ fs::path folder_of(const fs::path& path) {
   return path.has_parent_path() ? path.parent_path() : fs::path(".");
 }
 
+/// The file that links lead to, existing or not.
+fs::path target_of(fs::path path) {
+  constexpr int kMostLinks = 40;  // as in Linux; links may form a circle
+  std::error_code ignored;
+  for (int i = 0; i < kMostLinks && fs::is_symlink(path, ignored); ++i) {
+    path = path.parent_path() / fs::read_symlink(path, ignored);
+  }
+  return path;
+}
+
 }  // namespace
 
-AtomicFile::AtomicFile(fs::path path) : path_(std::move(path)) {
+AtomicFile::AtomicFile(fs::path path) : path_(target_of(std::move(path))) {
   temporary_ = path_;
   temporary_ += concat(".", getpid(), ".part");
   if (access(folder_of(path_).c_str(), W_OK) != 0) {

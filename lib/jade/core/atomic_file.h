@@ -7,8 +7,8 @@
 namespace jade {
 
 /// Writes a file completely or not at all: write to temporary_path(), then call commit(), which
-/// syncs the file and renames it over the destination. Without commit() the destructor removes the
-/// temporary file, and the old file stays.
+/// syncs the file and renames it over the destination, or over the file that the destination links
+/// to. Without commit() the destructor removes the temporary file, and the old file stays.
 class AtomicFile {
  public:
   /// @throws DataError if the folder of `path` does not exist or is not writable.
