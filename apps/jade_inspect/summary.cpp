@@ -7,6 +7,7 @@
 #include <torch/types.h>
 
 #include "jade/core/readable.h"
+#include "jade/core/text.h"
 #include "jade/data/masks.h"
 
 namespace jade::apps {
@@ -49,6 +50,21 @@ std::string marked_name(const data::SharpView& view) {
   return view.name + (!view.seen ? "" : *view.seen ? " (seen)" : " (unseen)");
 }
 
+/// Sizes of images that differ from `size`, each once.
+std::vector<std::string> other_sizes(const Dataset& d, const std::string& size) {
+  std::vector<std::string> sizes;
+  const auto add = [&](const geometry::Intrinsics& camera) {
+    const std::string other = concat(camera.width, "x", camera.height);
+    if (other == size || std::find(sizes.begin(), sizes.end(), other) != sizes.end()) return;
+    sizes.push_back(other);
+  };
+  for (const auto* exposures : {&d.train, &d.held_out}) {
+    for (const Exposure& exposure : *exposures) add(exposure.camera);
+  }
+  for (const data::SharpView& view : d.test) add(view.camera);
+  return sizes;
+}
+
 void print_frames(const Dataset& d) {
   const geometry::Intrinsics& camera = d.train.front().camera;
   std::printf("data set    %s, layout %s, in %s\n", d.name.c_str(), word_of(d.kind),
@@ -67,6 +83,8 @@ void print_frames(const Dataset& d) {
               long(camera.width), long(camera.height), camera.fx,
               2 * std::atan(0.5 * double(camera.width) / camera.fx) * 180 / M_PI,
               2 * std::atan(0.5 * double(camera.height) / camera.fy) * 180 / M_PI);
+  const auto others = other_sizes(d, concat(camera.width, "x", camera.height));
+  if (!others.empty()) std::printf("            others %s px\n", listing(others).c_str());
   std::printf("color       %s\n", d.monochrome ? "monochrome: R = G = B in every frame, so the "
                                                  "restorations and the scene are gray"
                                                : "frames in colour");

@@ -90,6 +90,19 @@ TEST_CASE("jade_inspect: says whether the frames are monochrome", "[apps]") {
   CHECK_THAT(run(dir, "jade_inspect coloured --json").out, Catch::Contains("\"color\": \"color\""));
 }
 
+TEST_CASE("jade_inspect: names all image sizes", "[apps]") {
+  const test::TempDir dir;
+  const std::string pose = R"("transform_matrix":[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]])";
+  dir.write("scene/transforms.json", R"({"fl_x":40,"frames":[{"file_path":"a.png","w":40,"h":30,)" +
+                                         pose + R"(},{"file_path":"b.png","w":20,"h":36,)" + pose +
+                                         "}]}");
+  imaging::write_image(dir / "scene/a.png", torch::rand({3, 30, 40}));
+  imaging::write_image(dir / "scene/b.png", torch::rand({3, 36, 20}));
+  const Outcome outcome = run(dir, "jade_inspect scene --split none");
+  INFO(outcome.err);
+  CHECK_THAT(outcome.out, test::naming("40x30", "20x36"));
+}
+
 TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {
   const test::TempDir dir;
   std::filesystem::create_directories(dir / "empty");
