@@ -5,6 +5,7 @@
 
 #include <torch/types.h>
 
+#include "jade/core/cache_folder.h"
 #include "support/temp_dir.h"
 
 using namespace jade;
@@ -16,4 +17,5 @@ TEST_CASE("lpips: without its modules, or with a broken one, the metric is absen
   const auto image = torch::rand({3, 64, 64});
   CHECK_FALSE(lpips.alex01(image, image).has_value());
   CHECK_FALSE(lpips.vgg(image, image).has_value());
+  CHECK_THAT(eval::lpips_absent(), Catch::Contains(cache_folder().string()));
 }

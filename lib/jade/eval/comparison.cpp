@@ -91,7 +91,7 @@ std::string to_table(const std::vector<ComparedView>& views) {
   out +=
       "PSNR is -10 log10 of the mean squared error over all unmasked pixels and channels, in dB, "
       "images in [0,1].\n";
-  if (!means.front().lpips_alex01 || !means.front().lpips_vgg) out += kLpipsAbsent;
+  if (!means.front().lpips_alex01 || !means.front().lpips_vgg) out += lpips_absent();
   return out;
 }
 

@@ -32,6 +32,13 @@ std::string first_line(const std::string& text) { return text.substr(0, text.fin
 
 }  // namespace
 
+std::string lpips_absent() {
+  return concat("LPIPS (-) needs images of at least ", kSmallest,
+                " px, and lpips_alex01.pt and lpips_vgg.pt in ", cache_folder().string(),
+                " ($JADE_CACHE if set); scripts/setup.sh --metrics installs them, with the wheel "
+                "jade_metrics\n");
+}
+
 Lpips::Lpips(torch::Device device, fs::path cache) : device_(device) {
   if (cache.empty()) cache = cache_folder();
   alex01_ = load(cache / "lpips_alex01.pt", device_);

@@ -13,10 +13,8 @@ struct Module;
 
 namespace jade::eval {
 
-/// Note below a table that has "-" for LPIPS.
-inline constexpr const char* kLpipsAbsent =
-    "LPIPS (-) is not available: scripts/setup.sh --metrics installs its networks, with the wheel "
-    "jade_metrics\n";
+/// Note below a table that has "-" for LPIPS; names the folder that has been searched.
+std::string lpips_absent();
 
 /// LPIPS v0.1 through the TorchScript modules of scripts/export_lpips.py, which take two RGB images
 /// in [0,1]: lpips_alex01.pt (AlexNet on [0,1], as in published tables) and lpips_vgg.pt (VGG16,

@@ -207,8 +207,7 @@ std::string to_table(const Evaluation& evaluation) {
   if (std::any_of(rows.begin(), rows.end(), [](const Scores& each) { return each.gain; }))
     out += "  gain: by what the render is multiplied to be as bright as the image, then scored\n";
   if (!evaluation.held_out.empty()) out += reblur_table(evaluation);
-  if (!evaluation.mean.lpips_alex01 || !evaluation.mean.lpips_vgg)
-    out += std::string("  ") + kLpipsAbsent;
+  if (!evaluation.mean.lpips_alex01 || !evaluation.mean.lpips_vgg) out += "  " + lpips_absent();
   return out;
 }
 
