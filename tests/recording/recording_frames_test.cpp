@@ -454,6 +454,72 @@ TEST_CASE("recording: of two folders of frames, or two lists, that with times is
   CHECK_THAT(notes_of(differing), test::naming("exposures.csv", "images.txt", "49 ms", "1 of 2"));
 }
 
+TEST_CASE("recording: a list of a folder's name does not outrank the usual ones", "[recording]") {
+  const TempDir dir;
+  const auto rec = dir / "rec";
+  dir.write("rec/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+  write_frames(rec / "frames", 2);
+  const auto first_us = [&](const std::filesystem::path& path, const ReadOptions& options = {}) {
+    const Recording recording = read_recording(path, options);
+    CAPTURE(notes_of(recording));
+    return recording.frames.empty() ? -1 : recording.frames[0].t_start_us;
+  };
+  dir.write("rec/timestamps.txt", "1000000\n1100000\n");
+  for (const char* list : {"0 frames/f0.png\n0 frames/f1.png\n",
+                           "2 frames/f0.png\n2.1 frames/f1.png\n", "2.0 2.1\n2.2 2.3\n"}) {
+    dir.write("rec/frames.txt", list);
+    CHECK(first_us(rec) == 1000000);
+  }
+  std::filesystem::remove(rec / "timestamps.txt");
+  // Not of all images, or not in their order.
+  for (const char* list :
+       {"0 frames/f0.png\n0 frames/f1.png\n", "2.1 frames/f0.png\n2 frames/f1.png\n",
+        "2 frames/f0.png\n", "2.0 2.1\n2.2 2.3\n"}) {
+    dir.write("rec/frames.txt", list);
+    CHECK(first_us(rec) == -1);
+  }
+  // Never the events, nor a list beside the frames.
+  for (const std::string name : {"events", "davis"}) {
+    dir.write(name + "/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+    write_frames(dir / name, 2);
+    dir.write(name + "/" + name + ".txt", "0.9 0 0 1\n2.5 7 5 0\n");
+    CHECK(read_recording(dir / name).untimed_frames == 2);
+  }
+}
+
+TEST_CASE("recording: a folder of frames that the user gives has its own lists", "[recording]") {
+  const TempDir dir;
+  const auto events = dir.write("e/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+  write_frames(dir / "rec/images", 2);
+  write_frames(dir / "rec/images_right", 2);
+  ReadOptions options;
+  options.frames = dir / "rec";
+  dir.write("rec/images.txt", "1.5 images/f0.png\n1.6 images/f1.png\n");
+  CHECK(read_recording(events, options).frames.at(0).t_start_us == 1500000);
+  options.frames = dir / "rec/images_right";
+  const auto said = [&] { return error_of([&] { read_recording(events, options); }); };
+  CHECK_THAT(said(), test::naming("2 frames without times"));
+  dir.write("rec/exposures.csv", "f0,1000000,1001000\nf1,1100000,1101000\n");
+  CHECK_THAT(said(), test::naming("2 frames without times"));
+}
+
+TEST_CASE("recording: a list by another clock than exposures.csv is no fault", "[recording]") {
+  const TempDir dir;
+  dir.write("rec/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+  write_frames(dir / "rec/images", 3);
+  dir.write("rec/exposures.csv", "f0,1000000,1001000\nf1,1100000,1101000\nf2,1200000,1201000\n");
+  for (const char* start : {"1600000000", "1600000", "1"}) {
+    std::string list;
+    for (const int i : {0, 1, 2}) list += concat(start, ".", 5 + i, " images/f", i, ".png\n");
+    dir.write("rec/images.txt", list);
+    CAPTURE(list);
+    CHECK_THAT(notes_of(read_recording(dir / "rec")), !test::naming("gives the exposures"));
+  }
+  dir.write("rec/images.txt", "1 images/f0.png\n1.15 images/f1.png\n1.2 images/f2.png\n");
+  CHECK_THAT(notes_of(read_recording(dir / "rec")),
+             test::naming("exposures.csv", "images.txt", "49 ms", "1 of 3"));
+}
+
 TEST_CASE("recording: what a folder has but is not read is named", "[recording]") {
   const TempDir dir;
   const auto said = [&](const std::string& name) { return notes_of(read_recording(dir / name)); };

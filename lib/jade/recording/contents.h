@@ -111,10 +111,11 @@ std::vector<std::filesystem::path> image_folders(const std::filesystem::path& fo
 /// A mask for all frames beside them, not a frame.
 bool is_mask_of_all(const std::filesystem::path& image);
 
-/// The images of a folder, with the times of the first list in list_folders(): exposures.csv,
-/// timestamps.npz, images.txt (or FOLDER.txt), which also says which images, those of
-/// add_frame_list(), or the names. Without these, and with options.frame_times, images have no
-/// times. Warns if another list differs from exposures.csv.
+/// The images of a folder, with the times of the first list that it, `root` or a folder between
+/// them has: exposures.csv, timestamps.npz, images.txt, which also says which images, those of
+/// add_frame_list(), or the names; else of images.txt or FOLDER.txt in list_folders(), if it lists
+/// all images in their order. Without these, and with options.frame_times, images have no times.
+/// Warns if images.txt or timestamps.npz differs from exposures.csv.
 /// @param images,root  as for add_frame_list(); empty images: only those of images.txt
 std::vector<FrameFile> timed_images(const std::filesystem::path& images,
                                     const std::filesystem::path& root, const ReadOptions& options,

@@ -184,43 +184,77 @@ bool is_same(const fs::path& a, const fs::path& b) {
   return fs::equivalent(a, b, ignored);
 }
 
-/// Times of the files by another list than exposures.csv; none if it cannot be read.
-void try_other_lists(const fs::path& images, const fs::path& root, const fs::path& npz,
-                     const ReadOptions& options, std::vector<FrameFile>& files) {
+/// Whether a list has all images of a folder, in the order of their names, each after the other.
+bool lists_all(const std::vector<FrameFile>& listed, const std::vector<FrameFile>& images) {
+  if (listed.size() != images.size()) return false;
+  for (size_t i = 0; i < listed.size(); ++i) {
+    if (!is_same(listed[i].path, images[i].path)) return false;
+    if (i > 0 && listed[i].time->begin_us <= listed[i - 1].time->begin_us) return false;
+  }
+  return true;
+}
+
+/// Gives images the times of images.txt or FOLDER.txt (TUM's rgb.txt) above their folder, if it is
+/// certain that this list is theirs.
+/// @param images,root  as for add_frame_list()
+void add_list_above(const fs::path& images, const fs::path& root, std::vector<FrameFile>& files,
+                    Recording& recording) {
+  if (images.empty() || is_same(images, root)) return;
+  const std::vector<fs::path> folders = list_folders(images, root);
+  for (size_t i = 1; i < folders.size(); ++i) {
+    for (const std::string& name :
+         {std::string("images.txt"), folders.front().filename().string() + ".txt"}) {
+      const fs::path list = folders[i] / name;
+      const bool is_of_events = in_small_letters(name).find("event") != std::string::npos;
+      if (is_of_events || !is_file(list) || is_of_colmap(list)) continue;
+      Recording with_list = recording;
+      std::vector<FrameFile> listed = listed_or_none(list, true, with_list);
+      if (!lists_all(listed, files) || are_counted(listed)) continue;
+      files = std::move(listed), recording = std::move(with_list);
+      return;
+    }
+  }
+}
+
+/// Times of the files by timestamps.npz; none if it cannot be read.
+std::vector<FrameFile> with_npz_times(const fs::path& npz, const ReadOptions& options,
+                                      std::vector<FrameFile> files) {
   Recording ignored;
   try {
-    if (npz.empty()) {
-      add_frame_list(images, root, options, files, ignored);
-    } else {
-      add_npz_times(npz, options.time_unit, files, ignored);
-    }
+    add_npz_times(npz, options.time_unit, files, ignored);
   } catch (const DataError&) {
     files.clear();
   }
-  if (!files.empty() && files[0].has_named_time) files.clear();  // names are no list
+  return files;
 }
 
-/// Warns of frames whose time in another list is neither in their exposure nor near it.
+/// Warns of frames whose time in another list is neither in their exposure nor near it, unless that
+/// list has another clock.
 /// @param others  the files of `files` with their times by that list
 void check_agreement(const fs::path& exposures, const fs::path& list,
                      const std::vector<FrameFile>& others, const std::vector<FrameFile>& files,
                      Recording& recording) {
   constexpr int64_t kNearUs = 1000;
-  if (others.size() != files.size()) return;
+  const std::optional<events::TimeWindow> first = span_of(files, 0), second = span_of(others, 0);
+  if (!first || !second || others.size() != files.size() || first->end_us < second->begin_us ||
+      second->end_us < first->begin_us)
+    return;
+  std::vector<int64_t> offsets;
   int64_t differ = 0, most_us = 0;
   for (size_t i = 0; i < files.size(); ++i) {
-    if (!others[i].time) return;
+    if (!others[i].time || !files[i].time) return;
     const events::TimeWindow &a = *files[i].time, &b = *others[i].time;
     const int64_t apart = std::max(a.begin_us - b.end_us, b.begin_us - a.end_us);
     differ += apart > kNearUs + a.duration_us();
     most_us = std::max(most_us, apart);
+    offsets.push_back(b.begin_us - a.begin_us);
   }
-  if (differ == 0) return;
+  const auto [least, most] = std::minmax_element(offsets.begin(), offsets.end());
+  if (differ == 0 || *most - *least <= kNearUs) return;
   recording.warnings.push_back(
-      concat(exposures.string(), ": gives the exposures, but ",
-             list.empty() ? "another list of times" : list.filename().string(), " has times up to ",
-             1e-3 * double(most_us), " ms beside them for ", differ, " of ", files.size(),
-             " frames; remove the list that is wrong"));
+      concat(exposures.string(), ": gives the exposures, but ", list.filename().string(),
+             " has times up to ", 1e-3 * double(most_us), " ms beside them for ", differ, " of ",
+             files.size(), " frames; remove the list that is wrong"));
 }
 
 bool lacks_length(const FrameFile& file) { return !file.time || file.time->duration_us() == 0; }
@@ -432,10 +466,14 @@ std::vector<fs::path> image_folders(const fs::path& folder) {
 
 std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root,
                                     const ReadOptions& options, Recording& recording) {
-  const std::vector<fs::path> folders = list_folders(images.empty() ? root : images, root);
-  const auto found = [&](const std::string& name) {
+  std::vector<fs::path> folders{images, root};
+  if (!images.empty() && !root.empty()) {
+    const std::vector<fs::path> between = list_folders(images, root);
+    folders.insert(folders.end(), between.begin(), between.end());
+  }
+  const auto found = [&](const char* name) {
     for (const fs::path& folder : folders) {
-      if (is_file(folder / name)) return folder / name;
+      if (!folder.empty() && is_file(folder / name)) return folder / name;
     }
     return fs::path();
   };
@@ -443,33 +481,22 @@ std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root
   const bool given = !options.frame_times.empty();
   const fs::path exposures = given ? fs::path() : found("exposures.csv");
   const fs::path npz = given ? fs::path() : found("timestamps.npz");
+  const fs::path lines = npz.empty() || !exposures.empty() ? found("images.txt") : fs::path();
   std::vector<FrameFile> out;
-  fs::path lines;
-  for (const std::string& name :
-       {std::string("images.txt"), folders.front().filename().string() + ".txt"}) {
-    lines = found(name);
-    if (lines.empty() || is_of_colmap(lines) || (!npz.empty() && exposures.empty())) continue;
-    Recording with_list = recording;
-    std::vector<FrameFile> files = listed_or_none(lines, given || name != "images.txt", with_list);
-    if (name != "images.txt" && are_counted(files)) continue;
-    // A list above the folder that the user gives may be that of other images.
-    if (files.empty() || (root.empty() && !is_same(files[0].path.parent_path(), images))) continue;
-    out = std::move(files), recording = std::move(with_list);
-    break;
-  }
+  if (!lines.empty() && !is_of_colmap(lines)) out = listed_or_none(lines, given, recording);
   const bool listed = !out.empty();
   if (!listed && !images.empty()) out = images_of(images, root, recording);
   if (out.empty()) return out;
   refuse_pages(out);
   if (!exposures.empty()) {
-    std::vector<FrameFile> others = out;
+    const std::vector<FrameFile> others =
+        listed || npz.empty() ? out : with_npz_times(npz, options, out);
     apply_exposures(exposures, read_exposures(exposures), out, recording);
-    if (!listed) try_other_lists(images, root, npz, options, others);
     check_agreement(exposures, listed ? lines : npz, others, out, recording);
   } else if (!npz.empty()) {
     add_npz_times(npz, options.time_unit, out, recording);
-  } else if (!listed && !given) {
-    add_frame_list(images, root, options, out, recording);
+  } else if (!listed && !given && !add_frame_list(images, root, options, out, recording)) {
+    add_list_above(images, root, out, recording);
   }
   return out;
 }
