@@ -302,8 +302,16 @@ TEST_CASE("recording: pages of a TIFF are frames, or named", "[recording]") {
   CHECK_THAT(error_of([&] { read_recording(raw, options); }),
              test::naming("frames/stack.tif", "2 pages", "--frames"));
   write_frames(dir / "frames", 1);
-  CHECK_THAT(error_of([&] { read_recording(raw, options); }),
-             test::naming("frames/stack.tif", "2 pages", "file of its own"));
+  CHECK_THAT(notes_of(read_recording(raw, options)),
+             test::naming("frames/stack.tif", "2 pages", "first page of each file"));
+  // Frames that replace the folder's own are read in spite of these.
+  dir.write("rec/events.txt", "0.001 0 0 1\n0.003 7 5 0\n");
+  dir.write("rec/images/stack.tif", two_pages(8, 6));
+  dir.write("rec/images/timestamps.txt", "1500\n2500\n");
+  CHECK_THAT(error_of([&] { read_recording(dir / "rec"); }),
+             test::naming("images/stack.tif", "--frames"));
+  options.frames = dir / "rec/images/stack.tif";
+  CHECK(read_recording(dir / "rec", options).frames.at(1).t_start_us == 2500);
 }
 
 TEST_CASE("recording: a list with a line too many is not shifted by one", "[recording]") {
@@ -422,6 +430,58 @@ TEST_CASE("recording: the only folder with frames is read, whatever its name", "
   std::filesystem::remove(dir / "of_rgb/timestamps.txt");
   dir.write("of_rgb/rgb.txt", "# time file\n1.2 rgb/f0.png\n1.3 rgb/f1.png\n");
   CHECK(read_recording(dir / "of_rgb").frames.at(1).t_start_us == 1300000);
+}
+
+TEST_CASE("recording: images that may be no frames are named, not read", "[recording]") {
+  const TempDir dir;
+  const auto events = [&](const std::string& name) {
+    dir.write(name + "/events.txt", "0.9 0 0 1\n2.5 7 5 0\n");
+    return dir / name;
+  };
+  int number = 0;
+  for (const char* images :
+       {"results", "plots/a", "disparity/event", "19classes", "event_frames", "labels", "normals",
+        "render", "viz", "semantic", "images/right/rectified", "right_images"}) {
+    const auto folder = events(concat("rec", number++));
+    write_frames(folder / images, 2);
+    dir.write(folder / "timestamps.txt", "1000000\n1100000\n");
+    const Recording recording = read_recording(folder);
+    CAPTURE(images);
+    CHECK(recording.frames.empty());
+    CHECK(recording.untimed_frames == 0);
+    CHECK_THAT(notes_of(recording), test::naming("found none", images, "--frames"));
+  }
+  // Lists that do not fit, none, or one of another time.
+  const auto folder = events("rec");
+  write_frames(folder / "out", 2);
+  const auto check_named = [&] {
+    const Recording recording = read_recording(folder);
+    CHECK(recording.frames.empty());
+    CHECK_THAT(notes_of(recording), test::naming("found none", "rec/out", "--frames"));
+    CHECK_THAT(notes_of(recording), !test::naming("read as the frames"));
+  };
+  check_named();
+  dir.write("rec/timestamps.txt", "1000000\n");
+  check_named();
+  dir.write("rec/exposures.csv", "g0,1000000,1001000\ng1,1100000,1101000\n");
+  check_named();
+  dir.write("rec/exposures.csv", "f0,9000000,9001000\nf1,9100000,9101000\n");
+  check_named();
+  write_frames(dir / "cam", 2);
+  dir.write("cam/exposures.csv", "f0,1000000,1001000\nf1,1100000,1101000\n");
+  ReadOptions options;
+  options.frames = dir / "cam";
+  const Recording given = read_recording(folder, options);
+  CHECK(given.frames.size() == 2);
+  CHECK_THAT(notes_of(given), !test::naming("rec/out"));
+  dir.write("rec/exposures.csv", "f0,1000000,1001000\nf1,1100000,1101000\n");
+  CHECK(read_recording(folder).frames.size() == 2);
+  // Of two usual folders, the other one counts only if its times fit.
+  const auto two = events("two");
+  write_frames(two / "images_1", 2);
+  imaging::write_image(two / "images/1700000000.1.png", torch::full({3, 6, 8}, 0.5));
+  imaging::write_image(two / "images/1700000000.2.png", torch::full({3, 6, 8}, 0.5));
+  CHECK(read_recording(two).untimed_frames == 2);
 }
 
 TEST_CASE("recording: of two folders of frames, or two lists, that with times is read",
@@ -985,7 +1045,7 @@ TEST_CASE("recording: a folder without frames and an archive of frames are named
   CHECK_THAT(notes_of(read_recording(dir / "rec")), test::naming("rec/images", "found none"));
   imaging::write_image(dir / "rec/images/cam0/a.png", torch::full({3, 6, 8}, 0.5));
   CHECK_THAT(notes_of(read_recording(dir / "rec")),
-             test::naming("rec/images/cam0", "read as the frames"));
+             test::naming("rec: ", "found none", "rec/images/cam0", "--frames"));
   ReadOptions options;
   options.frames = dir / "rec/images";
   CHECK_THAT(error_of([&] { read_recording(dir / "rec/events.csv", options); }),

@@ -372,7 +372,11 @@ TEST_CASE("recording: an empty file of events gives way to another", "[recording
     check_rpg(recording);
     CHECK(has_note(recording, "found events.txt beside events.csv, which is read"));
   }
-  std::filesystem::remove(dir / "rpg/events.csv");
+  std::filesystem::rename(dir / "rpg/events.csv", dir / "rpg/my_events.csv");
+  const Recording other = read_recording(dir / "rpg");
+  check_rpg(other);
+  CHECK(has_note(other, "found events.txt beside my_events.csv, which is read"));
+  std::filesystem::remove(dir / "rpg/my_events.csv");
   CHECK(has_note(read_recording(dir / "rpg"), "there are no events"));
 }
 

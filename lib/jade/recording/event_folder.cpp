@@ -33,8 +33,9 @@ constexpr const char* kEventNames[] = {
     "events.csv",     "events.csv.gz",    "events.raw"};
 
 /// Parts of names of folders whose images are no frames.
-constexpr const char* kMaps[] = {"depth",  "disparity", "flow",    "mask",
-                                 "semant", "segment",   "preview", "thumb"};
+constexpr const char* kMaps[] = {"class",   "depth",  "disparity", "event",   "flow",   "label",
+                                 "mask",    "normal", "plot",      "preview", "render", "result",
+                                 "segment", "semant", "thumb",     "viz"};
 
 bool has_ending_of(const std::string& name, std::initializer_list<const char*> endings) {
   return std::any_of(endings.begin(), endings.end(),
@@ -118,14 +119,15 @@ fs::path events_in(const fs::path& folder) {
     if (!is_blank(folder / name)) return folder / name;
     if (blank.empty()) blank = folder / name;
   }
-  if (!blank.empty()) return blank;
   for (const auto& [where, word] :
        {std::pair(folder, "events"), std::pair(folder / "events", "")}) {
-    const std::vector<fs::path> files = event_files_in(where, word);
+    std::vector<fs::path> files = event_files_in(where, word);
+    if (!blank.empty())
+      files.erase(std::remove_if(files.begin(), files.end(), is_blank), files.end());
     if (files.size() == 1) return files.front();
-    if (!files.empty()) return {};
+    if (!files.empty()) return blank;
   }
-  return {};
+  return blank;
 }
 
 bool is_text(const fs::path& events) {
@@ -133,22 +135,31 @@ bool is_text(const fs::path& events) {
   return has_ending(name, ".txt") || has_ending(name, ".txt.gz");
 }
 
-/// The only folder below with images, but for those of depth and other maps. Empty: none, or
-/// several.
+/// Whether the images of a folder below the recording's may be no frames of its camera: maps,
+/// plots, or those of the right camera.
+bool may_be_others(const fs::path& images, const fs::path& folder) {
+  for (const fs::path& part : images.lexically_relative(folder)) {
+    const std::string name = in_small_letters(part.string());
+    if (name == "right" || name.rfind("right_", 0) == 0 || has_ending(name, "_right")) return true;
+    for (const char* map : kMaps) {
+      if (name.find(map) != std::string::npos) return true;
+    }
+  }
+  return false;
+}
+
+/// The only folder below with images that may be frames. Empty: none, or several.
 fs::path only_images_below(const fs::path& folder) {
   std::vector<fs::path> found = image_folders(folder);
-  const auto is_map = [](const fs::path& images) {
-    const std::string name = in_small_letters(images.filename().string());
-    return std::any_of(std::begin(kMaps), std::end(kMaps),
-                       [&](const char* map) { return name.find(map) != std::string::npos; });
-  };
-  found.erase(std::remove_if(found.begin(), found.end(), is_map), found.end());
+  found.erase(std::remove_if(found.begin(), found.end(),
+                             [&](const fs::path& images) { return may_be_others(images, folder); }),
+              found.end());
   return found.size() == 1 ? found.front() : fs::path();
 }
 
 /// Folders of the images: those of usual names, else the recording's own unless a folder in it has
-/// more images, else the only one below.
-std::vector<fs::path> images_in(const fs::path& folder, Recording& recording) {
+/// more images. None without images.
+std::vector<fs::path> images_in(const fs::path& folder) {
   std::vector<fs::path> out;
   for (const char* name : {"images_1", "images", "frames", "images/left/rectified",
                            "images/left/distorted", "left_images"}) {
@@ -156,50 +167,97 @@ std::vector<fs::path> images_in(const fs::path& folder, Recording& recording) {
   }
   if (!out.empty()) return out;
   const size_t own = count_images(folder);
+  if (own == 0) return {};
   std::error_code error;
-  bool has_more_below = own == 0;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     const std::string name = in_small_letters(entry->path().filename().string());
-    has_more_below |= name[0] != '.' && name != "masks" && count_images(entry->path()) > own;
+    if (name[0] != '.' && name != "masks" && count_images(entry->path()) > own) return {};
   }
-  if (!has_more_below) return {folder};
-  const fs::path only = only_images_below(folder);
-  if (only.empty()) return {};
-  recording.notes.push_back(concat(only.string(), ": its images are read as the frames"));
-  return {only};
+  return {folder};
 }
 
-/// The images of the first of these folders that has their times, else of the first.
-/// @param places  their folders; the first becomes that of the images
+/// Whether frames are exposed while there are events.
+bool overlap(const fs::path& events, const ReadOptions& options,
+             const std::optional<events::TimeWindow>& frames) {
+  Recording look;
+  try {
+    const auto exposures = is_text(events) ? std::nullopt : frames;
+    events_of(events, options, exposures, look)({Kept(std::in_place), frames}, look);
+  } catch (const DataError&) {
+    return false;
+  }
+  return look.stored_events > 0 && frames->begin_us <= look.stored_us.end_us &&
+         look.stored_us.begin_us <= frames->end_us;
+}
+
+/// The images of a folder that is only assumed to be that of the frames, if they have times that
+/// fit the events or the user gives their times; else none, and `recording` is as before.
+std::vector<FrameFile> fitting_images(const fs::path& images, const fs::path& root,
+                                      const fs::path& events, const ReadOptions& options,
+                                      Recording& recording) {
+  Recording found = recording;
+  std::vector<FrameFile> files;
+  try {
+    files = timed_images(images, root, options, found);
+  } catch (const DataError&) {
+    return {};
+  }
+  const bool given = !options.frame_times.empty();
+  const auto span = span_of(files, options.near_frames_ahead_us.value_or(0));
+  if (!given && (!span || (!events.empty() && !overlap(events, options, span)))) return {};
+  recording = std::move(found);
+  return files;
+}
+
+/// The images of the first of these folders, or of another that has fitting times if the first has
+/// none.
+/// @param places  their folders, those of images_in(); the first becomes that of the images
 std::vector<FrameFile> images_with_times(std::vector<fs::path>& places, const fs::path& root,
-                                         const ReadOptions& options, Recording& recording) {
-  if (places.empty()) places.emplace_back();
-  const auto are_timed = [](const std::vector<FrameFile>& files) {
-    return std::any_of(files.begin(), files.end(),
-                       [](const FrameFile& file) { return file.time.has_value(); });
-  };
+                                         const fs::path& events, const ReadOptions& options,
+                                         Recording& recording) {
   const Recording before = recording;
-  std::vector<FrameFile> files = timed_images(places[0], root, options, recording);
-  if (!options.frames.empty() || places.size() == 1) return files;
-  for (size_t i = 1; i < places.size() && options.frame_times.empty() && !are_timed(files); ++i) {
+  const fs::path first = places.empty() ? fs::path() : places.front();
+  std::vector<FrameFile> files = timed_images(first, root, options, recording);
+  const auto note = [&](const std::string& what) {
+    recording.notes.push_back(
+        concat(places.front().string(), ": its images are read as the frames", what));
+  };
+  if (places.empty()) {
+    const fs::path only = files.empty() ? only_images_below(root) : fs::path();
+    if (only.empty()) return files;
+    files = fitting_images(only, root, events, options, recording);
+    if (files.empty()) return files;
+    places = {only};
+    note("");
+    return files;
+  }
+  if (places.size() == 1) return files;
+  for (size_t i = 1; i < places.size() && options.frame_times.empty() && !span_of(files, 0); ++i) {
     Recording other = before;
-    std::vector<FrameFile> found;
-    try {
-      found = timed_images(places[i], root, options, other);
-    } catch (const DataError&) {
-      continue;
-    }
-    if (!are_timed(found)) continue;
+    std::vector<FrameFile> found = fitting_images(places[i], root, events, options, other);
+    if (found.empty()) continue;
     files = std::move(found), recording = std::move(other);
     std::swap(places[0], places[i]);
   }
   std::vector<std::string> others;
   for (size_t i = 1; i < places.size(); ++i)
     others.push_back(places[i].lexically_relative(root).string());
-  recording.notes.push_back(concat(places[0].string(), ": its images are read as the frames, not ",
-                                   "those of ", listing(others), "; choose others with --frames"));
+  note(concat(", not those of ", listing(others), "; choose others with --frames"));
   return files;
+}
+
+/// The images of a folder whose frames others replace; none if they cannot be read.
+std::vector<FrameFile> replaced_images(const fs::path& images, const fs::path& root,
+                                       const ReadOptions& options, Recording& recording) {
+  Recording found = recording;
+  try {
+    std::vector<FrameFile> files = timed_images(images, root, options, found);
+    recording = std::move(found);
+    return files;
+  } catch (const DataError&) {
+    return {};
+  }
 }
 
 /// The first line is "format …"; other files of this name are the user's notes.
@@ -407,11 +465,13 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
   recording.format = "folder of frames and events";
   recording.stamp = options.stamp.value_or(Stamp::kMiddle);
   recording.calibrations = find_calibrations(folder);
-  std::vector<fs::path> places = images_in(folder, recording);
-  out.files = images_with_times(places, folder, options, recording);
-  const fs::path& images = places.front();
-  if (out.files.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
+  std::vector<fs::path> places = images_in(folder);
   const fs::path events = events_in(folder);
+  const auto first = [&] { return places.empty() ? fs::path() : places.front(); };
+  out.files = options.frames.empty() ? images_with_times(places, folder, events, options, recording)
+                                     : replaced_images(first(), folder, options, recording);
+  const fs::path images = first();
+  if (out.files.empty() && options.frames.empty()) warn_of_no_images(folder, recording);
   const auto others = events.empty() ? unfound_events(folder) : std::vector<std::string>();
   if (!others.empty()) {
     recording.warnings.push_back(

@@ -126,15 +126,19 @@ std::string unfound_images(const fs::path& folder) {
                 below.size() == 1 ? "that folder" : "one of these folders", " with --frames");
 }
 
-/// @throws DataError for a TIFF with several pages, of which the first would be read.
-void refuse_pages(const std::vector<FrameFile>& files) {
+/// Warns of TIFFs with several pages, of which the first is read.
+/// @throws DataError for a single TIFF, whose pages may be the frames.
+void check_pages(const std::vector<FrameFile>& files, Recording& recording) {
   for (const FrameFile& file : files) {
     const size_t pages = imaging::count_pages(file.path);
     if (pages < 2) continue;
-    throw DataError(concat(
-        file.path.string(), ": expected one frame per file, found a TIFF of ", pages, " pages; ",
-        files.size() == 1 ? concat("read its pages as frames with --frames ", file.path.string())
-                          : "write each page to a file of its own"));
+    const std::string found = concat(
+        file.path.string(), ": expected one frame per file, found a TIFF of ", pages, " pages; ");
+    if (files.size() == 1) {
+      throw DataError(concat(found, "read its pages as frames with --frames ", file.path.string()));
+    }
+    recording.warnings.push_back(concat(found, "the first page of each file is read"));
+    return;
   }
 }
 
@@ -487,7 +491,7 @@ std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root
   const bool listed = !out.empty();
   if (!listed && !images.empty()) out = images_of(images, root, recording);
   if (out.empty()) return out;
-  refuse_pages(out);
+  check_pages(out, recording);
   if (!exposures.empty()) {
     const std::vector<FrameFile> others =
         listed || npz.empty() ? out : with_npz_times(npz, options, out);
