@@ -345,10 +345,16 @@ TEST_CASE("recording: names in steps are times only if they fit the events", "[r
   REQUIRE(times.frames.size() == 4);
   CHECK(times.frames[1].t_start_us == 5000);
   CHECK_THAT(notes_of(times), test::naming("names", "read as their times, in us"));
+  // Events that last longer, and those of another clock.
   for (const char* events : {"0.001 0 0 1\n0.5 7 5 0\n", "900.01 0 0 1\n900.02 7 5 0\n"}) {
+    dir.write("rec/events.txt", events);
+    CHECK(read_recording(dir / "rec").frames.size() == 4);
+  }
+  for (const char* events : {"900.01 0 0 1\n900.1 7 5 0\n", "900.01 0 0 1\n900.011 7 5 0\n"}) {
     dir.write("rec/events.txt", events);
     const Recording counts = read_recording(dir / "rec");
     CHECK(counts.untimed_frames == 4);
+    CHECK_THAT(notes_of(counts), !test::naming("read as their times"));
     CHECK_THAT(notes_of(counts), test::naming("images", "steps of 5000", "--frame-times"));
     ReadOptions options;
     options.frames = dir / "rec/images";

@@ -181,7 +181,8 @@ bool add_times_of_names(const std::filesystem::path& images, const ReadOptions& 
                         std::vector<FrameFile>& files, Recording& recording);
 
 /// Removes times that are names of frames if these may be counts (numbers in one step from 0 on),
-/// and frames and events share less than half of their time; with a warning.
+/// frames and events share less than half of the shorter time, and one lasts twice as long as the
+/// other; with a warning.
 /// @param ahead_us  of the events' clock relative to the frames'
 void drop_counts(const std::filesystem::path& images, const ReadEvents& read_events,
                  int64_t ahead_us, std::vector<FrameFile>& files, Recording& recording);
