@@ -93,8 +93,8 @@ std::string next_command(const Recording& r, const RecordingNumbers& n,
   return line + " --output " + shell_word(fs::path("data") / name_of(r.source));
 }
 
-/// Why a calibration that can be read does not fit the frames or the event sensor; empty if it
-/// does.
+/// Why a calibration that can be read does not fit the frames or the event sensor, if the recording
+/// says its size; empty if it does.
 std::string misfit_of(const fs::path& path, const Recording& r) {
   try {
     const import::Calibration calibration = import::read_calibration(path);
@@ -103,7 +103,8 @@ std::string misfit_of(const fs::path& path, const Recording& r) {
       const torch::Tensor& image = r.frames.front().image;
       import::camera_of(calibration, 0, image.size(2), image.size(1), "frames");
     }
-    if (r.width > 0) import::camera_of(calibration, is_rig ? 1 : 0, r.width, r.height, "events");
+    if (r.width > 0 && r.size_is_said)
+      import::camera_of(calibration, is_rig ? 1 : 0, r.width, r.height, "events");
     return "";
   } catch (const DataError& error) {
     return error.what();

@@ -178,6 +178,15 @@ TEST_CASE("jade_inspect: a recording, what is missing, and the next command", "[
   dir.write("other/calib.txt", "6 6 30 30 0 0 0 0 0\n");
   CHECK_THAT(run(dir, "jade_inspect other").out,
              test::naming("warning", "other/calib.txt", "principal point", "8x6"));
+  // The event camera of a rig may be smaller than the frames, if nothing says its size.
+  dir.write("other/camchain.yaml",
+            "cam0:\n  camera_model: pinhole\n  intrinsics: [6, 6, 4, 3]\n  resolution: [8, 6]\n"
+            "  distortion_model: none\n  distortion_coeffs: []\n"
+            "cam1:\n  camera_model: pinhole\n  intrinsics: [6, 6, 3.5, 3]\n  resolution: [7, 6]\n"
+            "  distortion_model: none\n  distortion_coeffs: []\n"
+            "  T_cn_cnm1: [[1, 0, 0, 0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n");
+  CHECK_THAT(run(dir, "jade_inspect other").out,
+             test::naming("calibration camchain.yaml") && !Catch::Contains("calibrated at"));
   const auto json = nlohmann::json::parse(run(dir, "jade_inspect scene --json").out);
   CHECK(json["events"] == 3);
   CHECK(json["frames"][1]["t_end_us"] == 420000);

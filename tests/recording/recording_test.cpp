@@ -360,6 +360,9 @@ TEST_CASE("recording: of a folder with one recording in it, that is read", "[rec
   std::filesystem::copy_file(dir / "folder/rpg.zip", dir / "folder/other.zip");
   CHECK_THAT(message_of([&] { read_recording(dir / "folder"); }),
              test::naming("folder", "other.zip, rpg.zip"));
+  dir.write("notes/notes.dat", "hello\n");
+  CHECK_THAT(message_of([&] { read_recording(dir / "notes"); }),
+             test::naming("notes: expected", "give one of", "notes.dat"));
 }
 
 TEST_CASE("recording: an empty file of events gives way to another", "[recording]") {

@@ -142,6 +142,15 @@ Format file_format(const fs::path& path) {
   throw DataError(concat(path.string(), ": ", kReadable, ", found another kind of file"));
 }
 
+/// Whether a file's content is that of a recording, and not text.
+bool is_recording(const fs::path& path) {
+  try {
+    return file_format(path) != Format::kText;
+  } catch (const DataError&) {
+    return false;
+  }
+}
+
 /// The only recording that a camera wrote, or its archive, in a folder without images; empty: none
 /// or several.
 fs::path only_recording(const fs::path& folder) {
@@ -156,7 +165,9 @@ fs::path only_recording(const fs::path& folder) {
         found.push_back(entry->path());
     }
   }
-  if (found.size() != 1 || count_images(folder) > 0 || !image_folders(folder).empty()) return {};
+  if (found.size() != 1 || count_images(folder) > 0 || !image_folders(folder).empty() ||
+      !is_recording(found.front()))
+    return {};
   return found.front();
 }
 
