@@ -156,14 +156,14 @@ TEST_CASE("evt: up to four damaged times in a row move no later events", "[recor
         std::vector<int>{0xf00, 0xf01, 0x001}, std::vector<int>{0xfff, 0x300, 0xe00, 0x080}}) {
     std::string text = evt_header("3.0");
     const auto add = [&](int high) { text += evt3_time(int64_t(high) << 12) + evt3_word(2, 1); };
-    for (const int high : {0xa00, 0xa01}) add(high);
+    for (int high = 0x9f0; high <= 0xa01; ++high) add(high);
     for (const int high : damaged) add(high);
     for (const int high : {0xa02, 0xa03, 0xfff, 0x000}) add(high);
     EvtDecoder decoder(dir.write("a.raw", text));
     const std::vector<PlainEvent> events = decoded(decoder);
     CAPTURE(damaged.size(), damaged.front());
-    REQUIRE(events.size() == damaged.size() + 6);
-    CHECK(events[damaged.size() + 2].t == int64_t(0xa02) << 12);
+    REQUIRE(events.size() == damaged.size() + 22);
+    CHECK(events[damaged.size() + 18].t == int64_t(0xa02) << 12);
     CHECK(events.back().t == int64_t(0x1000) << 12);
     CHECK(decoder.counts().wraps == 1);
     CHECK(decoder.counts().astray > 0);
@@ -175,6 +175,21 @@ TEST_CASE("evt: up to four damaged times in a row move no later events", "[recor
   EvtDecoder decoder(dir.write("a.raw", text));
   CHECK(decoded(decoder).back().t == int64_t(2 * 4096 + 4091) << 12);
   CHECK(decoder.counts().astray == 0);
+}
+
+TEST_CASE("evt: long pauses are no damaged times", "[recording]") {
+  const TempDir dir;
+  for (const int pause : {0x410, 0x560, 0x700}) {  // 4.3, 5.6 and 7.3 s of 16.8
+    std::string text = evt_header("3.0");
+    int64_t high = 0;
+    for (int i = 0; i < 100; ++i, high += i % 3 == 0 ? 1 : pause)
+      text += evt3_time((high & 0xfff) << 12) + evt3_word(2, 1);
+    high -= 100 % 3 == 0 ? 1 : pause;
+    EvtDecoder decoder(dir.write("a.raw", text));
+    CAPTURE(pause);
+    CHECK(decoded(decoder).back().t == high << 12);
+    CHECK(decoder.counts().astray == 0);
+  }
 }
 
 TEST_CASE("evt: data of another version than the header says are read as what they are",

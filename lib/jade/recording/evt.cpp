@@ -263,11 +263,12 @@ void EvtDecoder::choose_order() {
 
 /// Number of damaged values before this one, at most kMostDamaged: it lies shortly after a value
 /// before these. 0 if no wrap depends on them. Several damaged values include no plausible wrap,
-/// unless another step is too long.
+/// unless another step is too long, and are told from pauses only in a stream without many.
 size_t EvtDecoder::damaged_before(int64_t high_us, int64_t range_us) const {
   const auto follows = [&](int64_t from, int64_t to) {
     return to >= from && to - from <= range_us / kNear;
   };
+  const auto has_steady_time = [&] { return 4 * far_steps_ <= near_steps_; };
   const auto wraps = [&](int64_t from, int64_t to) {
     return from - to > range_us / 2 && follows(from, to + range_us);
   };
@@ -276,7 +277,7 @@ size_t EvtDecoder::damaged_before(int64_t high_us, int64_t range_us) const {
   for (size_t i = 0; i < past_count_; next_us = past_[i++].high_us) {
     has_wrap |= wraps(past_[i].high_us, next_us);
     has_leap |= next_us - past_[i].high_us > range_us / 2;
-    if (i > 1 && has_wrap && !has_leap) return 0;
+    if (i > 1 && ((has_wrap && !has_leap) || !has_steady_time())) return 0;
     if (!follows(past_[i].high_us, high_us)) continue;
     const bool fell = high_us_ - high_us > range_us / 2;
     return fell || past_[i].wrap_us != wrap_us_ ? i : 0;
@@ -291,6 +292,8 @@ void EvtDecoder::set_time_high(int64_t value, int count, int shift) {
   if (has_time_ && high == high_us_) return;
   const size_t damaged = damaged_before(high, range);
   const bool fell = has_time_ && high_us_ - high > range / 2;
+  const int64_t step = high - high_us_ + (fell ? range : 0);
+  if (has_time_) ++(step >= 0 && step <= range / kNear ? near_steps_ : far_steps_);
   const int64_t wrap = damaged > 0 ? past_[damaged].wrap_us : wrap_us_ + (fell ? range : 0);
   counts_.wraps += (wrap - wrap_us_) / range;
   counts_.astray += int64_t(damaged);

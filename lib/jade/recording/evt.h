@@ -107,6 +107,7 @@ class EvtDecoder {
   };
   std::array<HighTime, kMostDamaged + 1> past_{};  // last values of the counter, the latest first
   size_t past_count_ = 0;
+  int64_t near_steps_ = 0, far_steps_ = 0;  // of the counter
   int64_t high_us_ = 0, wrap_us_ = 0, time_us_ = 0, latest_us_ = INT64_MIN;
   int64_t row_ = 0, base_x_ = 0;
   bool base_on_ = false;
