@@ -14,7 +14,8 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
   program.begin_group("Input");
   program.add_key_flag("recording", "recording", "The recording, a file or a folder")
       ->type_name("PATH");
-  program.add_key_flag("--frames", "frames", "Folder of frames, or a video")->type_name("PATH");
+  program.add_key_flag("--frames", "frames", "Folder of frames, a TIFF of pages, or a video")
+      ->type_name("PATH");
   program
       .add_key_flag("--events-group", "events_group",
                     "Group or data set to read from an HDF5 file with several event streams")

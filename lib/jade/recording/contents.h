@@ -121,9 +121,9 @@ std::vector<FrameFile> timed_images(const std::filesystem::path& images,
                                     const std::filesystem::path& root, const ReadOptions& options,
                                     Recording& recording);
 
-/// Replaces the recording's frames by the images of a folder or the frames of a video. A folder may
-/// contain exposures.csv, images.txt or timestamps.npz; frames of a video have its own clock, which
-/// starts at 0.
+/// Replaces the recording's frames by the images of a folder, the pages of a TIFF or the frames of
+/// a video. A folder may contain exposures.csv, images.txt or timestamps.npz; frames of a video
+/// have its own clock, which starts at 0.
 /// @throws DataError for a folder without images, a video that ffmpeg cannot read.
 void replace_frames(const std::filesystem::path& path, const ReadOptions& options,
                     Contents& contents);

@@ -80,7 +80,7 @@ struct ReadOptions {
   /// Peak bytes per kept event in the caller; a recording whose events need more than 0.7 of this
   /// machine's memory is rejected before it is read.
   double event_bytes = 17;
-  /// A folder of images or a video that replaces the recording's frames.
+  /// A folder of images, a TIFF of pages or a video that replaces the recording's frames.
   std::filesystem::path frames;
   /// A list of exposures (exposures.h) for the frames, or of numbers in their order.
   std::filesystem::path frame_times;
