@@ -482,7 +482,7 @@ TEST_CASE("recording: images that may be no frames are named, not read", "[recor
   CHECK_THAT(notes_of(given), !test::naming("rec/out"));
   dir.write("rec/exposures.csv", "f0,1000000,1001000\nf1,1100000,1101000\n");
   CHECK(read_recording(folder).frames.size() == 2);
-  // Of two usual folders, the other one counts only if its times fit.
+  // The second of two usual folders counts only if its times fit.
   const auto two = events("two");
   write_frames(two / "images_1", 2);
   imaging::write_image(two / "images/1700000000.1.png", torch::full({3, 6, 8}, 0.5));

@@ -263,7 +263,8 @@ void EvtDecoder::choose_order() {
 
 /// Number of damaged values before this one, at most kMostDamaged: it lies shortly after a value
 /// before these. 0 if no wrap depends on them. Several damaged values include no plausible wrap,
-/// unless another step is too long, and are told from pauses only in a stream without many.
+/// unless another step is too long. A stream with many long steps has pauses, not several damaged
+/// values.
 size_t EvtDecoder::damaged_before(int64_t high_us, int64_t range_us) const {
   const auto follows = [&](int64_t from, int64_t to) {
     return to >= from && to - from <= range_us / kNear;
