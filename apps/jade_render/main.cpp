@@ -67,7 +67,7 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
       ->type_name("NAME");
   cli.add_option("--unblur", flags.unblur,
                  "Instead of --cameras: the blurry frame of this exposure, then its sharp moments "
-                 "(exposure.samples), as NAME_blurry, NAME_0, …")
+                 "(exposure.samples), as NAME_blurry, NAME_00, …")
       ->type_name("NAME");
   cli.add_flag("--fps-benchmark", flags.fps_benchmark,
                "Measure frames per second, one view at a time, without writing images");
@@ -349,10 +349,9 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
   };
   const bool mask = program.cli().count("--mask") > 0 || has_set("dataset.mask");
   if (flags.unblur.empty() && !film && (mask || has_set("dataset.color"))) {
-    throw ConfigError(
-        concat(mask ? "--mask" : "dataset.color",
-               ": expected with --unblur, whose blurry frame it changes; renders show "
-               "all pixels of the scene in its colours; take it out"));
+    log_warn(concat(mask ? "--mask" : "dataset.color",
+                    " does not change the renders, which show all pixels of the scene in its "
+                    "colours; it changes the blurry frame of --unblur"));
   }
   if (flags.depth && (film || flags.fps_benchmark)) {
     throw ConfigError(concat("--depth: expected with images, found ",

@@ -261,13 +261,15 @@ TEST_CASE("jade_render: --depth-step without --depth would do nothing", "[apps]"
               "--depth");
 }
 
-TEST_CASE("jade_render: what renders would ignore is refused", "[apps]") {
+TEST_CASE("jade_render: what renders would ignore is refused or named", "[apps]") {
   const test::TempDir dir;
   const std::string render = "jade_render --ply a.ply --output b --dataset c ";
   check_error(run(dir, render + "--json"), 2, "--json", "--fps-benchmark");
-  check_error(run(dir, render + "--mask m.png"), 2, "--mask", "--unblur");
-  check_error(run(dir, render + "--set dataset.mask=m.png"), 2, "--mask", "--unblur");
-  check_error(run(dir, render + "--set dataset.color=gray"), 2, "dataset.color", "--unblur");
+  for (const char* setting :
+       {"--mask m.png", "--set dataset.mask=m.png", "--set dataset.color=gray"}) {
+    CHECK_THAT(run(dir, render + setting).err,
+               test::naming("does not change the renders", "--unblur"));
+  }
 }
 
 TEST_CASE("jade_render: without ffmpeg one line says how to get it, before anything is read",

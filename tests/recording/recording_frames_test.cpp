@@ -336,36 +336,6 @@ TEST_CASE("recording: a list with a line too many is not shifted by one", "[reco
   CHECK(first_us("1000000\n1100000\n1200000\n") == 1000000);
 }
 
-TEST_CASE("recording: names in steps are times only if they fit the events", "[recording]") {
-  const TempDir dir;
-  for (const char* name : {"00000000", "00005000", "00010000", "00015000"})
-    imaging::write_image(dir / concat("rec/images/", name, ".png"), torch::full({3, 6, 8}, 0.5));
-  dir.write("rec/events.txt", "0.001 0 0 1\n0.017 7 5 0\n");
-  const Recording times = read_recording(dir / "rec");
-  REQUIRE(times.frames.size() == 4);
-  CHECK(times.frames[1].t_start_us == 5000);
-  CHECK_THAT(notes_of(times), test::naming("names", "read as their times, in us"));
-  // Events that last longer, and those of another clock.
-  for (const char* events : {"0.001 0 0 1\n0.5 7 5 0\n", "900.01 0 0 1\n900.02 7 5 0\n"}) {
-    dir.write("rec/events.txt", events);
-    CHECK(read_recording(dir / "rec").frames.size() == 4);
-  }
-  for (const char* events : {"900.01 0 0 1\n900.1 7 5 0\n", "900.01 0 0 1\n900.011 7 5 0\n"}) {
-    dir.write("rec/events.txt", events);
-    const Recording counts = read_recording(dir / "rec");
-    CHECK(counts.untimed_frames == 4);
-    CHECK_THAT(notes_of(counts), !test::naming("read as their times"));
-    CHECK_THAT(notes_of(counts), test::naming("images", "steps of 5000", "--frame-times"));
-    ReadOptions options;
-    options.frames = dir / "rec/images";
-    CHECK_THAT(error_of([&] { read_recording(dir / "rec/events.txt", options); }),
-               test::naming("4 frames without times"));
-  }
-  ReadOptions shifted;
-  shifted.near_frames_ahead_us = 900005000;
-  CHECK(read_recording(dir / "rec", shifted).frames.size() == 4);
-}
-
 TEST_CASE("recording: lists are those of the recording and its camera", "[recording]") {
   const TempDir dir;
   const auto first_us = [&](const std::filesystem::path& folder, const ReadOptions& options = {}) {

@@ -180,13 +180,6 @@ std::optional<events::TimeUnit> likely_unit(const std::vector<double>& times);
 bool add_times_of_names(const std::filesystem::path& images, const ReadOptions& options,
                         std::vector<FrameFile>& files, Recording& recording);
 
-/// Removes times that are names of frames if these may be counts (numbers in one step from 0 on),
-/// frames and events share less than half of the shorter time, and one lasts twice as long as the
-/// other; with a warning.
-/// @param ahead_us  of the events' clock relative to the frames'
-void drop_counts(const std::filesystem::path& images, const ReadEvents& read_events,
-                 int64_t ahead_us, std::vector<FrameFile>& files, Recording& recording);
-
 /// Assigns the times of a list without names. A line has a frame's time, its number and time, or
 /// the start and end of its exposure; order and units as in add_frame_list(). False if the list has
 /// names.

@@ -483,12 +483,6 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
     // With frames of another source, the offset refers to their clock, not to this folder's. Lists
     // in text may have a clock of their own, which the import finds.
     const int64_t ahead_us = options.frames.empty() ? options.near_frames_ahead_us.value_or(0) : 0;
-    if (options.frames.empty()) {
-      const ReadEvents look = [&](const Wanted& wanted, Recording& ignored) {
-        events_of(events, options, std::nullopt, ignored)(wanted, ignored);
-      };
-      drop_counts(images, look, ahead_us, out.files, recording);
-    }
     const auto exposures = is_text(events) ? std::nullopt : span_of(out.files, ahead_us);
     out.read_events = events_of(events, options, exposures, recording);
     warn_of_other_events(folder, events, recording);

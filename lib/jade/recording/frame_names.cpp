@@ -15,9 +15,6 @@ namespace {
 
 using events::TimeUnit;
 
-/// A note of the folder whose frames have times as names.
-constexpr const char* kNamesAreTimes = ": the names of the frames are read as their times, in ";
-
 /// Frame periods of real cameras.
 constexpr double kShortestUs = 200, kLongestUs = 2e6, kLongestOfClockUs = 6e7;
 
@@ -46,32 +43,6 @@ std::optional<double> number_named(const std::filesystem::path& file) {
       std::count(name.begin(), name.end(), '.') > 1)
     return std::nullopt;
   return number_in(name);
-}
-
-/// The step of numbers that count from 0, or from the step: a divisor of all steps. 0: they do not.
-double counting_step(const std::vector<FrameFile>& files) {
-  std::vector<double> numbers;
-  for (const FrameFile& file : files) {
-    const std::optional<double> number = number_named(file.path);
-    if (!file.has_named_time || !number || std::floor(*number) != *number) return 0;
-    numbers.push_back(*number);
-  }
-  std::sort(numbers.begin(), numbers.end());
-  if (numbers.size() < 2 || unit_since_1970(numbers.back())) return 0;
-  double step = numbers.back();
-  for (size_t i = 1; i < numbers.size(); ++i) step = std::min(step, numbers[i] - numbers[i - 1]);
-  const auto fits = [&](double number) { return std::fmod(number, step) == 0; };
-  const bool is_counted =
-      numbers.front() <= step && std::all_of(numbers.begin(), numbers.end(), fits);
-  return is_counted ? step : 0;
-}
-
-/// Whether frames and events share half of the shorter time, or last about as long by two clocks.
-bool may_be_of_one(const events::TimeWindow& frames, const events::TimeWindow& all) {
-  const int64_t shared =
-      std::min(frames.end_us, all.end_us) - std::max(frames.begin_us, all.begin_us);
-  const auto [shorter, longer] = std::minmax({frames.duration_us(), all.duration_us()});
-  return 2 * shared >= shorter || 2 * shorter >= longer;
 }
 
 }  // namespace
@@ -132,8 +103,9 @@ bool add_times_of_names(const std::filesystem::path& images, const ReadOptions& 
   std::vector<FrameFile> timed;
   for (size_t i = 0; i < named.size(); ++i)
     timed.push_back({files[named[i].second].path, exposure_at(at[i], 0, stamp), true});
-  recording.notes.push_back(concat(images.string(), kNamesAreTimes, word_of(*unit),
-                                   "; each is taken as the ", word_of(stamp), " of the exposure"));
+  recording.notes.push_back(
+      concat(images.string(), ": the names of the frames are read as their times, in ",
+             word_of(*unit), "; each is taken as the ", word_of(stamp), " of the exposure"));
   if (!others.empty()) {
     recording.warnings.push_back(concat(images.string(),
                                         ": expected times as names of all frames, found other ",
@@ -142,29 +114,6 @@ bool add_times_of_names(const std::filesystem::path& images, const ReadOptions& 
   files = std::move(timed);
   check_apart(images, files, recording);
   return true;
-}
-
-void drop_counts(const std::filesystem::path& images, const ReadEvents& read_events,
-                 int64_t ahead_us, std::vector<FrameFile>& files, Recording& recording) {
-  const double step = counting_step(files);
-  const std::optional<events::TimeWindow> frames = span_of(files, ahead_us);
-  if (step == 0 || !read_events || !frames) return;
-  Recording look;
-  read_events({Kept(std::in_place), frames}, look);
-  const events::TimeWindow& all = look.stored_us;
-  if (look.stored_events == 0 || may_be_of_one(*frames, all)) return;
-  for (FrameFile& file : files) file.time.reset(), file.has_named_time = false;
-  const std::string note = concat(images.string(), kNamesAreTimes);
-  auto& notes = recording.notes;
-  notes.erase(std::remove_if(notes.begin(), notes.end(),
-                             [&](const std::string& each) { return each.rfind(note, 0) == 0; }),
-              notes.end());
-  recording.warnings.push_back(concat(
-      images.string(), ": expected names of frames that are times of the recording, found numbers ",
-      "in steps of ", step, " that would be ", 1e-6 * double(frames->begin_us), " to ",
-      1e-6 * double(frames->end_us), " s, while events last from ", 1e-6 * double(all.begin_us),
-      " to ", 1e-6 * double(all.end_us),
-      " s; they are taken as counts: give the times with --frame-times"));
 }
 
 }  // namespace jade::recording

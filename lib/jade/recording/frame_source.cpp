@@ -542,8 +542,6 @@ void replace_frames(const fs::path& path, const ReadOptions& options, Contents& 
   Recording& recording = contents.recording;
   if (fs::is_directory(path, ignored)) {
     contents.files = timed_images(path, {}, options, recording);
-    drop_counts(path, contents.read_events, options.near_frames_ahead_us.value_or(0),
-                contents.files, recording);
     if (!contents.files.empty()) return;
     throw DataError(concat(path.string(), ": expected images, found none", unfound_images(path)));
   }
