@@ -17,7 +17,8 @@ struct BeamSplitter {
 
   explicit BeamSplitter(double times) {
     const auto camera = [](const char* name, int64_t width, int64_t height) {
-      import::CalibratedCamera made{name};
+      import::CalibratedCamera made;
+      made.name = name;
       made.fx = made.fy = 0.8 * double(width);
       made.cx = 0.5 * double(width), made.cy = 0.5 * double(height);
       made.width = width, made.height = height;

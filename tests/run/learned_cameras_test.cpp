@@ -187,7 +187,7 @@ TEST_CASE("learned cameras: test views follow a motion that all exposures share"
   auto generator = make_generator(1, "points");
   gaussians::InitSources sources;
   sources.views.push_back(
-      {dataset.train[0].poses[4], dataset.train[0].camera, dataset.train[0].blurry});
+      {dataset.train[0].poses[4], dataset.train[0].camera, dataset.train[0].blurry, {}});
   sources.near = dataset.near;
   sources.far = dataset.far;
   const splat::Gaussians gaussians = gaussians::initial_gaussians({}, sources, generator);

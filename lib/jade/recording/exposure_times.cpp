@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The exposures of a recording's frames: from the options, the trigger input or the frames' own times.
+// The exposures of a recording's frames: from the options, the trigger input or the frames' own
+// times.
 #include <algorithm>
 #include <cmath>
 #include <string>
