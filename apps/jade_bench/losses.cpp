@@ -11,12 +11,10 @@
 #include "jade/core/random.h"
 #include "jade/geometry/trajectory.h"
 #include "jade/imaging/color.h"
-#include "jade/losses/inherited.h"
 #include "jade/losses/objective.h"
 #include "jade/losses/poses.h"
-#include "jade/losses/rec.h"
 #include "jade/losses/route.h"
-#include "jade/losses/target.h"
+#include "jade/losses/terms.h"
 #include "jade/response/camera_response.h"
 #include "jade/restore/restorations.h"
 #include "jade/router/router.h"
@@ -91,12 +89,14 @@ struct Term {
   std::function<torch::Tensor(const Images&)> value;
 };
 
-torch::Tensor rec_of(const imaging::L1SsimPair& pair) { return losses::rec_loss(pair, kDssim); }
+torch::Tensor rec_of(const imaging::L1SsimPair& pair) {
+  return imaging::l1_ssim(pair.a, pair.c, kDssim);
+}
 
 std::vector<Term> terms() {
   using losses::Fixed;
   return {
-      {"rec", [](const Images& in) { return losses::rec_loss(in.image, in.blurry, kDssim); }},
+      {"rec", [](const Images& in) { return imaging::l1_ssim(in.image, in.blurry, kDssim); }},
       {"target",
        [](const Images& in) { return losses::target_loss(in.image, Fixed(in.blurry), kDssim); }},
       {"blur",

@@ -3,6 +3,9 @@
 
 #include "support/catch.h"
 
+#include <string>
+#include <utility>
+
 #include "jade/core/error.h"
 #include "support/temp_dir.h"
 
@@ -18,6 +21,18 @@ TEST_CASE("Sha256: gives the published digest of 'abc' (FIPS 180-4)", "[core]") 
   pieces.update("bc");
   CHECK(pieces.hex() == expected);
   CHECK_THROWS_AS(file_sha256(dir.path() / "missing"), DataError);
+}
+
+TEST_CASE("base64: the vectors of RFC 4648, and bytes beyond 127", "[core]") {
+  const std::pair<const char*, const char*> vectors[] = {{"", ""},
+                                                         {"f", "Zg=="},
+                                                         {"fo", "Zm8="},
+                                                         {"foo", "Zm9v"},
+                                                         {"foob", "Zm9vYg=="},
+                                                         {"fooba", "Zm9vYmE="},
+                                                         {"foobar", "Zm9vYmFy"}};
+  for (const auto& [bytes, text] : vectors) CHECK(base64(bytes) == text);
+  CHECK(base64(std::string("\xff\0\xfe\x80", 4)) == "/wD+gA==");
 }
 
 }  // namespace

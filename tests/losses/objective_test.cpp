@@ -8,8 +8,7 @@
 
 #include "jade/core/error.h"
 #include "jade/losses/poses.h"
-#include "jade/losses/rec.h"
-#include "jade/losses/target.h"
+#include "jade/losses/terms.h"
 #include "loss_cases.h"
 
 namespace jade::losses {
@@ -208,7 +207,9 @@ TEST_CASE("objective: the total is the sum of its named terms and of the single 
   CHECK(loss.total.item<double>() == Approx(sum));
   const torch::Tensor r = renders(), b = in.blurry.image, toned_b = b * b;
   const EdiFactors& gain = in.edi_factors;
-  const auto rec = [](const imaging::L1SsimPair& pair) { return rec_loss(pair, 0.3); };
+  const auto rec = [](const imaging::L1SsimPair& pair) {
+    return imaging::l1_ssim(pair.a, pair.c, 0.3);
+  };
   const torch::Tensor expected =
       2 * target_loss(r[4], *in.target, 0.3) + rec(blur_pair(r.mean(0), {b, {}, {}})) +
       rec(edi_gray_pair(r[2].square(), toned_b, gain.gray)) +

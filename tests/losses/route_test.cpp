@@ -2,8 +2,6 @@
 #include "jade/losses/route.h"
 
 #include "jade/core/error.h"
-#include "jade/losses/rec.h"
-#include "jade/losses/target.h"
 #include "jade/restore/restorations.h"
 #include "loss_cases.h"
 
@@ -144,41 +142,6 @@ TEST_CASE("route_loss: the reblur residual of the mix is the mix of residuals", 
         .total.item<double>();
   };
   CHECK(residual(0.25) == Approx(0.25 * residual(1) + 0.75 * residual(0)));
-}
-
-TEST_CASE("rec_loss: equal images cost nothing, λ mixes L1 and SSIM", "[losses]") {
-  const torch::Tensor a = image(1, {3, 20, 20}), b = image(2, {3, 20, 20});
-  CHECK(rec_loss(a, a, 0.3).item<double>() == Approx(0).margin(1e-12));
-  const double l1 = (a - b).abs().mean().item<double>();
-  const double zero = rec_loss(a, b, 0).item<double>(), one = rec_loss(a, b, 1).item<double>();
-  CHECK(zero == Approx(l1));
-  CHECK(rec_loss(a, b, 0.3).item<double>() == Approx(0.7 * zero + 0.3 * one));
-  CHECK(one > 0);
-}
-
-TEST_CASE("rec_loss: gradients equal central differences on both sides", "[losses]") {
-  check_gradients([](const std::vector<torch::Tensor>& in) { return rec_loss(in[0], in[1], 0.3); },
-                  {image(1), image(2)}, {"a", "c"});
-}
-
-TEST_CASE("target_loss: is the colour term plus the gray term, Eq. (9)", "[losses]") {
-  // With λ = 0: mean |difference| of the colours, plus the luma difference.
-  torch::Tensor render = even(0.5), target = even(0.5);
-  target[1].fill_(0.6);
-  const double expected = 0.1 / 3 + 0.587 * 0.1;
-  CHECK(target_loss(render, Fixed(target), 0).item<double>() == Approx(expected));
-  torch::Tensor wanted = target.clone().set_requires_grad(true);
-  render.set_requires_grad(true);
-  target_loss(render, Fixed(wanted), 0.3).backward();
-  CHECK(render.grad().defined());
-  CHECK_FALSE(wanted.grad().defined());
-}
-
-TEST_CASE("target_loss: gradients equal central differences", "[losses]") {
-  const Fixed target(image(2));
-  check_gradients(
-      [&](const std::vector<torch::Tensor>& in) { return target_loss(in[0], target, 0.3); },
-      {image(1)}, {"render"});
 }
 
 }  // namespace

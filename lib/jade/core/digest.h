@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 
 namespace jade {
 
@@ -29,5 +30,8 @@ class Sha256 {
 
 /// SHA-256 of a whole file. @throws DataError if it cannot be read.
 std::string file_sha256(const std::filesystem::path& path);
+
+/// Base64 with padding (RFC 4648, section 4), on one line.
+std::string base64(std::string_view bytes);
 
 }  // namespace jade

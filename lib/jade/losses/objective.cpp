@@ -6,7 +6,6 @@
 #include "jade/core/check.h"
 #include "jade/imaging/color.h"
 #include "jade/losses/poses.h"
-#include "jade/losses/target.h"
 
 namespace jade::losses {
 namespace {

@@ -15,8 +15,7 @@
 #include "jade/imaging/ssim.h"
 #include "jade/losses/event_loss.h"
 #include "jade/losses/fixed.h"
-#include "jade/losses/inherited.h"
-#include "jade/losses/trust.h"
+#include "jade/losses/terms.h"
 
 namespace jade::losses {
 
@@ -48,6 +47,20 @@ constexpr auto words_of(RestoredPoses) {
 
 /// Weight of L_edi at the start of a run, as in Eq. (10).
 constexpr double kEdiWeight = 1;
+
+/// When to trust restorations, which are wrong where events are missing, noisy or coarse, while the
+/// scene combines several exposures; the configuration group `objective.trust`.
+struct TrustOptions {
+  double agreement = 0.05;
+};
+
+template <class V>
+void describe(V& v, TrustOptions& o) {
+  v.field("agreement", o.agreement,
+          "after objective.target_until, L_tgt stays on for views whose L_tgt before its weight is "
+          "below this; 0: for none; logged in metrics.jsonl as target_distance",
+          Range{0, 10});
+}
 
 struct ObjectiveOptions {
   double dssim = 0.3;

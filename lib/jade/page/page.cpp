@@ -5,7 +5,7 @@
 #include <string_view>
 #include <utility>
 
-#include "jade/page/base64.h"
+#include "jade/core/digest.h"
 #include "jade/page/front.h"
 
 namespace jade::page {

@@ -8,8 +8,8 @@
 #include <string_view>
 #include <torch/types.h>
 
+#include "jade/core/digest.h"
 #include "jade/io/gzip.h"
-#include "jade/page/base64.h"
 
 namespace jade::run {
 
@@ -91,9 +91,8 @@ Json page_scene(const data::Dataset& dataset, const splat::RenderOptions& draw) 
 Json page_film(const data::Exposure& exposure, size_t limit) {
   const EventFilm film = event_film(exposure, limit);
   if (film.marks == 0) return nullptr;
-  return {{"bins", film.bins},     {"columns", film.columns},
-          {"rows", film.rows},     {"cell", film.cell},
-          {"events", film.events}, {"packed", page::base64(io::gzip(film.bytes))}};
+  return {{"bins", film.bins}, {"columns", film.columns}, {"rows", film.rows},
+          {"cell", film.cell}, {"events", film.events},   {"packed", base64(io::gzip(film.bytes))}};
 }
 
 }  // namespace jade::run

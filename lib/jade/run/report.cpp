@@ -10,6 +10,7 @@
 #include <torch/types.h>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/digest.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
@@ -17,7 +18,6 @@
 #include "jade/gaussians/gaussian_model.h"
 #include "jade/gaussians/spz_file.h"
 #include "jade/imaging/image_io.h"
-#include "jade/page/base64.h"
 #include "jade/page/page.h"
 #include "jade/restore/restorations.h"
 #include "jade/run/allocation_choice.h"
@@ -78,7 +78,7 @@ class Pictures {
         const auto at = static_cast<size_t>(i);
         const std::vector<uint8_t> png = imaging::encode_png(images_[at]);
         const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
-        sources_[done + at] = "data:image/png;base64," + page::base64(bytes);
+        sources_[done + at] = "data:image/png;base64," + base64(bytes);
       }
     });
     images_.clear();

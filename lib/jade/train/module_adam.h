@@ -7,23 +7,20 @@
 
 namespace jade::train {
 
-/// Adam over a few small tensors in one fused call per step size, with its step counter on their
-/// device: for the router and the camera response, where launches would cost more than the
-/// arithmetic.
+/// Adam over a few small tensors in one fused call, with its step counter on their device: for the
+/// router and the camera response, where launches would cost more than the arithmetic.
 class ModuleAdam {
  public:
   ModuleAdam() = default;
   ModuleAdam(std::vector<torch::Tensor> parameters, double lr, double eps = 1e-8);
-  /// Adam with a step size for each parameter.
-  ModuleAdam(std::vector<torch::Tensor> parameters, std::vector<double> lrs, double eps = 1e-8);
 
   bool empty() const { return parameters_.empty(); }
 
   /// Updates the parameters that have a gradient. A parameter without one keeps its value, moments
   /// and step count; at least one must have one.
-  void step() { step(lrs_); }
-  /// Steps with one step size for all parameters.
-  void step(double lr) { step(std::vector<double>(parameters_.size(), lr)); }
+  void step() { step(lr_); }
+  /// Steps with another step size.
+  void step(double lr);
   /// Sets all gradients to undefined.
   void zero_grad();
 
@@ -38,10 +35,8 @@ class ModuleAdam {
   }
 
  private:
-  void step(const std::vector<double>& lrs);
-
   std::vector<torch::Tensor> parameters_, first_, second_, steps_;
-  std::vector<double> lrs_;
+  double lr_ = 0;
   double eps_ = 1e-8;
 };
 

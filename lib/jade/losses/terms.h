@@ -1,17 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// Terms of the scene objective from DiET-GS. D is
-// ℓ_rec of Eq. (8) with its weight `dssim`, g is imaging::gray, ρ the camera response, Î_k the
-// render at pose k and B the blurry frame. EDI is linear in the image, EDI_k(X) = X ⊙ R_k with the
-// factor R_k = edi_gain() of imaging/edi.h, so the functions take R_k. Functions for D(·,·)
-// return the two images to compare: rec_loss() of rec.h evaluates one pair, imaging::l1_ssim_sum()
-// all pairs of a step in one pass.
+// Terms of the scene objective: L_tgt of Eq. (9) and those inherited from DiET-GS. D is ℓ_rec of
+// Eq. (8), imaging::l1_ssim(), with its weight `dssim`, g is imaging::gray, ρ the camera response,
+// Î_k the render at pose k and B the blurry frame. EDI is linear in the image, EDI_k(X) = X ⊙ R_k
+// with the factor R_k = edi_gain() of imaging/edi.h, so the functions take R_k. Functions for
+// D(·,·) return the two images to compare; imaging::l1_ssim_sum() evaluates all pairs of a step in
+// one pass.
 #pragma once
 
 #include <torch/types.h>
+#include <vector>
 
 #include "jade/imaging/ssim.h"
+#include "jade/losses/fixed.h"
 
 namespace jade::losses {
+
+/// L_tgt = D(Î_mid, sg(I)) + D(g(Î_mid), g(sg(I))), Eq. (9).
+/// @param mid_render  [3,H,W], Î_mid. Differentiable.
+/// @param target      [3,H,W], I_pseudo or any other target
+torch::Tensor target_loss(const torch::Tensor& mid_render, const Fixed& target, double dssim);
+
+/// The images of its two terms, in colour and in gray.
+std::vector<imaging::L1SsimPair> target_pairs(const torch::Tensor& mid_render, const Fixed& target);
+
+/// The value if it is below `bound`, else 0 without gradient: a restoration that all other views
+/// and terms contradict does not affect the scene, one that they agree with does. A view that
+/// exceeds the bound seldom falls below it again, because nothing pulls its render to the
+/// restoration.
+/// @param value  scalar, L_tgt of a view before its weight
+torch::Tensor where_agreed(const torch::Tensor& value, double bound);
 
 /// L_blur = D(mean_k Î_k, B).
 /// @param mean_render  [3,H,W], differentiable

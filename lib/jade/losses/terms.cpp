@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/losses/inherited.h"
+#include "jade/losses/terms.h"
 
 #include "jade/imaging/color.h"
 
@@ -12,6 +12,20 @@ torch::Tensor in_gray(const torch::Tensor& image) {
 }
 
 }  // namespace
+
+torch::Tensor target_loss(const torch::Tensor& mid_render, const Fixed& target, double dssim) {
+  return imaging::l1_ssim_sum({{target_pairs(mid_render, target), 1, {}}}, dssim).total;
+}
+
+std::vector<imaging::L1SsimPair> target_pairs(const torch::Tensor& mid_render,
+                                              const Fixed& target) {
+  return {{mid_render, {*target, {}, {}}},
+          {imaging::gray(mid_render), {imaging::gray(*target), {}, {}}}};
+}
+
+torch::Tensor where_agreed(const torch::Tensor& value, double bound) {
+  return value * value.detach().lt(bound);
+}
 
 imaging::L1SsimPair blur_pair(const torch::Tensor& mean_render, const imaging::SsimTarget& blurry) {
   return {mean_render, blurry};
