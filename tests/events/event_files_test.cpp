@@ -757,3 +757,27 @@ TEST_CASE("event files: events that last as long as the exposures in ns only nam
   CHECK(good.time_unit == TimeUnit::kNs);
   CHECK(good.warnings.empty());
 }
+
+TEST_CASE("event files: an unusual unit that the exposures suggest is doubted", "[events]") {
+  const TempDir dir;
+  const auto read = [&](int64_t first_us, const TimeWindow& exposures) {
+    std::vector<float> place(80000, 3);
+    std::vector<int64_t> t;
+    std::vector<int8_t> p;
+    for (int64_t i = 0; i < 80000; ++i) t.push_back(first_us + 7 * i), p.push_back(int8_t(i % 2));
+    write_h5<float, int64_t>(dir / "a.h5", place, place, t, p);
+    return read_events(dir / "a.h5", {TimeUnit::kAuto, exposures, {}});
+  };
+  CHECK(read(9, {0, 560000}).time_unit == TimeUnit::kUs);
+  // Exposures in ms: in ns the events fit them, but come faster than a sensor sends them.
+  CHECK_THAT(message_of([&] {
+               read(9, {0, 560});
+             }),
+             jade::test::naming("a.h5", "100 million events per second", "read as ns",
+                                "0 to 560 us", "in milliseconds?"));
+  // A clock 5 s ahead: in ns the events fall into the exposures, a thousandth as long.
+  CHECK_THAT(message_of([&] {
+               read(5000000, {0, 560000});
+             }),
+             jade::test::naming("a.h5", "no likely unit", "if they are us", "--offset-ms"));
+}

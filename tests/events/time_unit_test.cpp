@@ -60,7 +60,8 @@ TEST_CASE("time unit: milliseconds only where frames or events fit nothing else"
     CHECK(unit_of(11, 33, whole) == TimeUnit::kMs);
     CHECK(unit_of(3, 33, whole) == TimeUnit::kMs);
     CHECK(unit_of(90, 1000, whole) == TimeUnit::kUs);  // 1,000 frames per second
-    CHECK(unit_of(120, 150, whole) == TimeUnit::kUs);
+    CHECK(unit_of(100, 115, whole) == TimeUnit::kMs);
+    CHECK(unit_of(190, 210, whole) == TimeUnit::kUs);  // below 5,000 per second
     CHECK(unit_of(5000, 40000, whole) == TimeUnit::kUs);
     CHECK(unit_of(5e6, 2e7, whole) == TimeUnit::kNs);  // 50 frames per second
     CHECK(unit_of(5e6, 6e6, whole) == TimeUnit::kUs);

@@ -386,6 +386,20 @@ TEST_CASE("importer: frames that changed behind a link are read again", "[import
   CHECK(gray() == Approx(0.4).margin(0.01));
 }
 
+TEST_CASE("importer: a list above the frames that changed is read again", "[import]") {
+  const test::TempDir dir;
+  import::ImportOptions options = options_for(write_late_events(dir, 0), dir / "colmap");
+  options.frames = write_gray_frames(dir, "rec/images", 0.5);
+  fs::remove(options.frames / "exposures.csv");
+  const auto first_us = [&](const std::string& list) {
+    dir.write("rec/timestamps.txt", list);
+    import::import_recording(options, dir / "out", {"", "read"});
+    return import::load_capture(dir / "out/import/read").shots[0].t_start_us;
+  };
+  CHECK(first_us("20000\n40000\n60000\n80000\n") == 20000);
+  CHECK(first_us("21000\n41000\n61000\n81000\n") == 21000);
+}
+
 TEST_CASE("importer: masks that lie with the frames are taken along", "[import]") {
   const test::TempDir dir;
   write_gray_frames(dir, "scene/images", 0.8);

@@ -218,7 +218,14 @@ TEST_CASE("recording: a list without names has the times of the frames in their 
   CHECK(second_of("1.0\n1.1\n1.2\n") == time);
   CHECK(second_of("t_ns\n1000000000\n1100000000\n1200000000\n") == time);
   CHECK(second_of("# number, time\n1 1.0\n2 1.1\n3 1.2\n") == time);
+  // A frame was dropped.
+  CHECK(second_of("frame_id timestamp\n0 1.0\n1 1.1\n3 1.2\n") == time);
+  CHECK(second_of("0 1700000001.0\n1 1700000001.1\n3 1700000001.2\n") ==
+        std::pair<int64_t, int64_t>(1700000001100000, 1700000001100000));
   CHECK(second_of("1000000,1050000\n1100000,1150000\n1200000,1250000\n") == exposure);
+  // Lengths are no ends, and starts no numbers.
+  CHECK_THROWS_WITH(second_of("1000000,50000\n1100000,50001\n1200000,50002\n"),
+                    test::naming("list.txt"));
   CHECK(second_of("f1,1100000,1150000\nf0,1000000,1050000\nf2,1200000,1250000\n") == exposure);
   // TUM and EuRoC name the frame behind its time; others before it, in any order.
   CHECK(second_of("# time file\n1.0 images/f0.png\n1.1 images/f1.png\n1.2 images/f2.png\n") ==
@@ -331,6 +338,7 @@ TEST_CASE("recording: a list with a line too many is not shifted by one", "[reco
   // The list counts itself.
   CHECK(first_us("0 1000000\n1 1100000\n2 1200000\n3 1300000\n") == 1100000);
   CHECK(first_us("1 1000000\n2 1100000\n3 1200000\n4 1300000\n") == 1000000);
+  CHECK(first_us("0 900000\n1 1000000\n2 1100000\n3 1200000\n7 1300000\n") == 1000000);
   // The last frame has the last line.
   std::filesystem::remove(dir / "rec/images/000002.png");
   CHECK(first_us("1000000\n1100000\n1200000\n") == 1000000);
@@ -914,6 +922,9 @@ TEST_CASE("recording: exposures without events between others are noted", "[reco
   CHECK_THAT(noise.notes(), !test::naming("have no events"));
   noise.write_events([](int64_t t) { return t < 1070000 || t > 1145000; });
   CHECK_THAT(noise.notes(), test::naming("2 of 6 exposures have no events (the first is f2)"));
+  // A loss within exposures.
+  noise.write_events([](int64_t t) { return t < 1085000 || t > 1095000; });
+  CHECK_THAT(noise.notes(), test::naming("1 stretch without any", "in f2", "lost packets"));
   // Exposures of sharp frames may fall between two events.
   noise.write_events([](int64_t) { return true; });
   std::string text;
@@ -953,6 +964,39 @@ TEST_CASE("recording: names with blanks in a list of times", "[recording]") {
   REQUIRE(recording.frames.size() == 6);
   CHECK(recording.frames[2].name == "f 2");
   CHECK(recording.frames[5].t_start_us == 1200000);
+}
+
+TEST_CASE("recording: a list of names with complete paths, or without times", "[recording]") {
+  const Noise noise;
+  const std::string times = read_file(noise.folder / "images/exposures.csv");
+  noise.dir.write("a/images.txt", "images/f0.png\nimages/f1.png\n");
+  CHECK(read_recording(noise.folder).frames.at(1).t_start_us == 1040000);
+  std::filesystem::remove(noise.folder / "images/exposures.csv");
+  CHECK_THAT(error_of([&] { noise.notes(); }), test::naming("images.txt:1", "seconds"));
+  for (const std::filesystem::path& place : {noise.folder, std::filesystem::path("/moved/away")}) {
+    std::string text;
+    for (int i = 0; i < noise.count; ++i)
+      text += concat(1 + 0.04 * i, " ", (place / "images/f").string(), i, ".png\n");
+    noise.dir.write("a/images.txt", text);
+    const Recording recording = read_recording(noise.folder);
+    REQUIRE(recording.frames.size() == 6);
+    CHECK(recording.frames[5].t_start_us == 1200000);
+  }
+}
+
+TEST_CASE("recording: events separated by tabs, and names in capitals", "[recording]") {
+  const Noise noise;
+  const std::string text = read_file(noise.folder / "events.csv");
+  std::filesystem::remove(noise.folder / "events.csv");
+  for (const char* const name : {"events.tsv", "EVENTS.CSV"}) {
+    noise.dir.write(std::string("a/") + name, text);
+    CHECK(read_recording(noise.folder).events.size() == 3000);
+    std::filesystem::remove(noise.folder / name);
+  }
+  const TempDir dir;
+  std::filesystem::rename(write_triggered(dir), dir / "EVENTS.RAW");
+  write_frames(dir / "images", 2);
+  CHECK(read_recording(dir.path()).events.size() == 2);
 }
 
 TEST_CASE("recording: times of frames and events with few digits are noted", "[recording]") {

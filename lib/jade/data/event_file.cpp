@@ -131,33 +131,18 @@ bool rests(const Dataset& data, const events::TimeWindow& window) {
 
 /// Warns of stretches without events in exposures, as lost packets leave them.
 void tell_silences(const fs::path& path, const Dataset& data, const Warnings& warnings) {
-  constexpr double kLeastOfOne = 0.05, kLeastOfAll = 0.02;  // of the length of exposures
-  const std::vector<events::TimeWindow> silences = events::silences(data.events);
-  if (silences.empty()) return;
-  double silent_us = 0, exposed_us = 0, largest_share = 0;
-  int64_t count = 0, longest_us = 0;
-  std::string place;
+  std::vector<events::TimeWindow> silences = events::silences(data.events);
+  silences.erase(std::remove_if(silences.begin(), silences.end(),
+                                [&](const auto& silence) { return rests(data, silence); }),
+                 silences.end());
+  std::vector<events::NamedWindow> exposures;
   for (const Exposure& exposure : data.train) {
-    exposed_us += double(exposure.duration_us());
-    for (const events::TimeWindow& silence : silences) {
-      const int64_t begin = std::max(silence.begin_us, exposure.t_start_us);
-      const int64_t length = std::min(silence.end_us, exposure.t_end_us) - begin;
-      if (length <= 0 || rests(data, silence)) continue;
-      ++count;
-      silent_us += double(length);
-      largest_share = std::max(largest_share, double(length) / double(exposure.duration_us()));
-      if (length <= longest_us) continue;
-      longest_us = length;
-      place = concat("in ", exposure.name, ", ", 1e-3 * double(length), " ms from ", begin, " us");
-    }
+    exposures.push_back({exposure.name, {exposure.t_start_us, exposure.t_end_us}});
   }
-  if (count == 0 || (largest_share < kLeastOfOne && silent_us < kLeastOfAll * exposed_us)) return;
-  warnings.add(path.string(), ": expected events throughout the exposures, found ", count,
-               count == 1 ? " stretch" : " stretches", " without any, ",
-               0.1 * std::round(1000 * silent_us / exposed_us), " % of the exposed time (",
-               count == 1 ? "" : "the longest ", place,
-               "), between dense events, as lost packets leave them; restorations are wrong there; "
-               "record again, or leave these frames out");
+  const std::string fault = events::silence_fault(exposures, silences);
+  if (fault.empty()) return;
+  warnings.add(path.string(), ": ", fault,
+               "; restorations are wrong there; record again, or leave these frames out");
 }
 
 }  // namespace

@@ -216,6 +216,35 @@ DataError two_clocks(const std::filesystem::path& path, double first, double las
                           "them right (jade_import: --offset-ms)?"));
 }
 
+/// Checks a guessed unit that is not the usual one of such numbers by the events. Exposures in
+/// another unit than their file's, or on another clock, may suggest a wrong one.
+/// @throws DataError if the events are too many per second, or much shorter than the exposures and
+///   about as long as these in another unit.
+void check_unusual(const std::filesystem::path& path, const EventFileResult& read,
+                   const TimeWindow& exposures) {
+  constexpr double kFastest = 100, kShorter = 0.01;  // events per us, of the exposures
+  constexpr int64_t kFewest = 100;
+  const TimeUnit unit = read.time_unit;
+  const auto length_us = double(read.stored_us.duration_us());
+  if (read.stored < kFewest) return;
+  const double first = in_unit(read.stored_us.begin_us, unit);
+  const double last = in_unit(read.stored_us.end_us, unit);
+  if (length_us < kShorter * double(exposures.duration_us()) &&
+      unit_by_length(first, last, unit, exposures)) {
+    throw two_clocks(path, first, last, exposures, unit,
+                     "the two clocks overlap in no likely unit");
+  }
+  const double rate = double(read.stored) / length_us;
+  if (rate < kFastest) return;
+  throw DataError(concat(path.string(), ": expected at most ", kFastest,
+                         " million events per second, found ", readable(rate, 3),
+                         " million, read as ", word_of(unit),
+                         ", the unit in which they cover the exposures from ", exposures.begin_us,
+                         " to ", exposures.end_us,
+                         " us; are the times of the frames in milliseconds? Convert them to "
+                         "microseconds, or set dataset.time_unit"));
+}
+
 /// Checks a guessed unit by the events. A wrong one may spread the events over years, of which the
 /// exposures cover a moment.
 /// @throws DataError if almost no event falls between the first and the last exposure.
@@ -471,6 +500,11 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
     result.stored_us = {result.events.first_us(), result.events.last_us() + 1};
   }
   const bool guessed = options.time_unit == TimeUnit::kAuto && raw.unit == TimeUnit::kAuto;
+  if (guessed && options.exposures &&
+      result.time_unit !=
+          guess_time_unit(range.usual_first, range.usual_last, range.has_fraction, std::nullopt)) {
+    check_unusual(path, result, *options.exposures);
+  }
   if (guessed && options.exposures && options.most == 0) {
     check_guess(path, result, *options.exposures);
     const std::string hint =

@@ -195,6 +195,35 @@ std::vector<TimeWindow> silences(const EventStream& events) {
   return found;
 }
 
+std::string silence_fault(const std::vector<NamedWindow>& exposures,
+                          const std::vector<TimeWindow>& silences) {
+  constexpr double kLeastOfOne = 0.05, kLeastOfAll = 0.02;  // of the length of exposures
+  double silent_us = 0, exposed_us = 0, largest_share = 0;
+  int64_t count = 0, longest_us = 0;
+  std::string place;
+  for (const auto& [name, exposure] : exposures) {
+    exposed_us += double(exposure.duration_us());
+    for (const TimeWindow& silence : silences) {
+      const int64_t begin = std::max(silence.begin_us, exposure.begin_us);
+      const int64_t length = std::min(silence.end_us, exposure.end_us) - begin;
+      if (length <= 0) continue;
+      ++count;
+      silent_us += double(length);
+      largest_share = std::max(largest_share, double(length) / double(exposure.duration_us()));
+      if (length <= longest_us) continue;
+      longest_us = length;
+      place = concat("in ", name, ", ", 1e-3 * double(length), " ms from ", begin, " us");
+    }
+  }
+  if (count == 0 || (largest_share < kLeastOfOne && silent_us < kLeastOfAll * exposed_us))
+    return "";
+  return concat("expected events throughout the exposures, found ", count,
+                count == 1 ? " stretch" : " stretches", " without any, ",
+                0.1 * std::round(1000 * silent_us / exposed_us), " % of the exposed time (",
+                count == 1 ? "" : "the longest ", place,
+                "), between dense events, as lost packets leave them");
+}
+
 std::string one_based_fault(const EventStream& events, const ImageSize& size) {
   constexpr int64_t kFewest = 10;  // events in the row, and in the column, beyond the last
   const torch::Tensor x = events.x().round(), y = events.y().round();

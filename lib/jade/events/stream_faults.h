@@ -10,6 +10,12 @@
 
 namespace jade::events {
 
+/// An exposure, with the name of its frame.
+struct NamedWindow {
+  std::string name;
+  TimeWindow window;
+};
+
 /// A fault of streams with hardly any events of one polarity: in the view of a moving camera,
 /// pixels get darker about as often as brighter. Empty otherwise.
 std::string polarity_fault(const EventStream& events);
@@ -32,6 +38,10 @@ std::string resolution_fault(std::vector<TimeWindow> exposures);
 /// the events get rarer, and streams of few events, have none.
 std::vector<TimeWindow> silences(const EventStream& events);
 
+/// A fault of exposures in which silences() take 5 % of one or 2 % of all. Empty otherwise.
+std::string silence_fault(const std::vector<NamedWindow>& exposures,
+                          const std::vector<TimeWindow>& silences);
+
 /// A fault of coordinates that count from 1: no event in the first column and row of a sensor of
 /// this size, and some just beyond the last ones. Empty otherwise.
 std::string one_based_fault(const EventStream& events, const ImageSize& size);
@@ -47,12 +57,6 @@ struct DistinctEvents {
 /// repetitions stay, because with rounded times a pixel may fire twice at once; more than 5 % are a
 /// fault. Streams of fewer than 1000 events stay. CPU streams only.
 DistinctEvents without_copies(const EventStream& events);
-
-/// An exposure, with the name of its frame.
-struct NamedWindow {
-  std::string name;
-  TimeWindow window;
-};
 
 /// Median time from the begin of an exposure to that of the next. Two or more, in any order.
 int64_t frame_period_us(std::vector<NamedWindow> exposures);

@@ -72,9 +72,9 @@ bool is_ordinary_in_ms(double length, double period) {
 }
 
 /// Whether no frame camera beside an event sensor takes such frames, although `unit` allows their
-/// length: more than 5,000 per second exposed for less than 100 µs, or as is_too_slow().
+/// length: more than 5,000 per second, or as is_too_slow().
 bool is_implausible(TimeUnit unit, double length, double period) {
-  if (unit == TimeUnit::kUs) return length < 100 && period < 200;
+  if (unit == TimeUnit::kUs) return period < 200;
   return unit == TimeUnit::kS && is_too_slow(1e6 * length, 1e6 * period);
 }
 
@@ -127,13 +127,14 @@ std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_frac
 
 std::optional<TimeUnit> unit_by_length(double first, double last, TimeUnit unit,
                                        const TimeWindow& exposures) {
-  constexpr double kShortest = 0.8, kLongest = 1.5, kMuchLonger = 100;
+  constexpr double kShortest = 0.8, kLongest = 1.5, kMuch = 100;
   const double exposed_us = double(exposures.duration_us());
   if (!(exposed_us > 0)) return std::nullopt;
   const auto ratio_in = [&](TimeUnit other) {
     return (last - first) * us_per_unit(other) / exposed_us;
   };
-  if (unit != TimeUnit::kAuto && ratio_in(unit) < kMuchLonger) return std::nullopt;
+  const double found = unit == TimeUnit::kAuto ? 0 : ratio_in(unit);
+  if (found > 1 / kMuch && found < kMuch) return std::nullopt;
   for (const TimeUnit other : {TimeUnit::kUs, TimeUnit::kNs, TimeUnit::kS, TimeUnit::kMs}) {
     const double ratio = ratio_in(other);
     if (other != unit && ratio >= kShortest && ratio <= kLongest) return other;

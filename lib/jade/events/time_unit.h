@@ -50,8 +50,8 @@ std::optional<TimeUnit> guess_time_unit(double first, double last, bool has_frac
                                         const std::optional<TimeWindow>& exposures);
 
 /// The unit, other than `unit`, in which events last about as long as the exposures, as they do if
-/// only the zeros of the two clocks differ. No value if in `unit` (kAuto: in none) they last less
-/// than 100 times as long.
+/// only the zeros of the two clocks differ. No value if in `unit` (kAuto: in none) they last
+/// between a hundredth and 100 times as long.
 std::optional<TimeUnit> unit_by_length(double first, double last, TimeUnit unit,
                                        const TimeWindow& exposures);
 
@@ -65,8 +65,8 @@ TimeUnit unit_beside_frames(double first, double last, bool has_fraction, int64_
 /// s, tried in the order µs, ns, s; µs not if is_too_slow(). Seconds must be floating point. If no
 /// exposure has a length, floating point means seconds, unless no time has a fraction and times are
 /// more than 1000 apart on average: then µs. Whole numbers above kOnlyNs are ns. Times are ms if
-/// three frames or more are ordinary in ms, and implausible otherwise: shorter than 100 µs at more
-/// than 5,000 per second, or longer than 0.5 s at one in 10 s or fewer.
+/// three frames or more are ordinary in ms, and implausible otherwise: more than 5,000 per second,
+/// or longer than 0.5 s at one in 10 s or fewer.
 /// @param start,end  [N] of one integer or floating type
 /// @param mend  what to do about exposures of no plausible length, for the message
 /// @throws DataError beginning with `name` for those.

@@ -113,27 +113,36 @@ std::string masks_text(const fs::path& frames) {
          fingerprint(data::in_any_case(beside, data::kMaskFile));
 }
 
+/// Names the lists of times that the frames of --frames may have outside them.
+std::string lists_text(const fs::path& frames) {
+  if (frames.empty()) return "";
+  std::string all;
+  for (const fs::path& list : recording::lists_beside(frames)) all += fingerprint(list);
+  return all;
+}
+
 Stage read_stage(const ImportOptions& options, Progressed& so_far) {
-  return {"read",
-          concat(fingerprint(options.recording), fingerprint(options.frames),
-                 masks_text(options.frames), fingerprint(options.time.frame_times),
-                 text_of(options.time), options.events_group, "\n", options.topic,
-                 options.frames_topic.empty() ? "" : "\n" + options.frames_topic),
-          [&](const fs::path& folder) {
-            const Capture capture = read_capture(options, folder);
-            keep_capture(folder, capture);
-            return said_of(capture);
-          },
-          [&](const fs::path& folder) {
-            so_far.capture = load_capture(folder);
-            so_far.calibration = calibration_of(options.lens, kept_calibration(folder));
-            if (!is_rig(so_far.calibration)) check_one_sensor(so_far.capture);
-            if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
-            check_test_names(so_far.capture, options.test);
-            so_far.capture.mask =
-                data::both_masks(so_far.capture.mask, read_mask(options.lens.mask, so_far.capture));
-            drop_masked_events(so_far.capture);
-          }};
+  return {
+      "read",
+      concat(fingerprint(options.recording), fingerprint(options.frames),
+             masks_text(options.frames), lists_text(options.frames),
+             fingerprint(options.time.frame_times), text_of(options.time), options.events_group,
+             "\n", options.topic, options.frames_topic.empty() ? "" : "\n" + options.frames_topic),
+      [&](const fs::path& folder) {
+        const Capture capture = read_capture(options, folder);
+        keep_capture(folder, capture);
+        return said_of(capture);
+      },
+      [&](const fs::path& folder) {
+        so_far.capture = load_capture(folder);
+        so_far.calibration = calibration_of(options.lens, kept_calibration(folder));
+        if (!is_rig(so_far.calibration)) check_one_sensor(so_far.capture);
+        if (so_far.calibration) settle_sensor(*so_far.calibration, so_far.capture);
+        check_test_names(so_far.capture, options.test);
+        so_far.capture.mask =
+            data::both_masks(so_far.capture.mask, read_mask(options.lens.mask, so_far.capture));
+        drop_masked_events(so_far.capture);
+      }};
 }
 
 std::string mask_text(const ImportOptions& options) {

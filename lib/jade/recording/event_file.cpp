@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files that contain only events.
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/events/event_group.h"
 #include "jade/recording/contents.h"
 #include "jade/recording/format.h"
@@ -27,7 +28,8 @@ void note_stored(int64_t events, const events::TimeWindow& span_us, int64_t most
 
 ReadEvents events_of(const fs::path& path, const ReadOptions& options,
                      const std::optional<events::TimeWindow>& exposures, Recording& recording) {
-  if (path.extension() == ".raw") return events_of_evt(path, options, recording);
+  if (in_small_letters(path.extension().string()) == ".raw")
+    return events_of_evt(path, options, recording);
   return [=](const Wanted& wanted, Recording& out) {
     events::EventFileOptions how;
     how.time_unit = options.time_unit;

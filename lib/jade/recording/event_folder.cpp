@@ -30,7 +30,11 @@ constexpr const char* kEventNames[] = {
     "events.txt",     "events.txt.gz",    "events.h5",
     "events.hdf5",    "events/events.h5", "events/left/events.h5",
     "events_left.h5", "events.npz",       "events.npy",
-    "events.csv",     "events.csv.gz",    "events.raw"};
+    "events.csv",     "events.csv.gz",    "events.tsv",
+    "events.tsv.gz",  "events.raw"};
+
+/// Endings of lists of numbers.
+constexpr std::initializer_list<const char*> kTextEndings = {".txt", ".csv", ".tsv"};
 
 /// Parts of names of folders whose images are no frames.
 constexpr const char* kMaps[] = {"class",   "depth",  "disparity", "event",   "flow",   "label",
@@ -45,7 +49,7 @@ bool has_ending_of(const std::string& name, std::initializer_list<const char*> e
 /// Whether one of a text file's first lines of numbers has t, x, y and p. Packed files are assumed
 /// to.
 bool lists_events(const fs::path& path) {
-  if (path.extension() == ".gz") return true;
+  if (has_ending(in_small_letters(path.filename().string()), ".gz")) return true;
   constexpr int kMostLines = 100, kMostRows = 3;  // the first row may be the sensor's size
   std::ifstream text(path);
   std::string line;
@@ -82,10 +86,10 @@ std::vector<fs::path> event_files_in(const fs::path& folder, const std::string& 
     if (name[0] == '.' || name.find(word) == std::string::npos || is_other ||
         !is_file(entry->path()))
       continue;
-    if (has_ending_of(name, {".h5", ".hdf5", ".npz", ".npy", ".raw"})) {
+    const std::string unpacked = has_ending(name, ".gz") ? name.substr(0, name.size() - 3) : name;
+    if (has_ending_of(name, {".h5", ".hdf5", ".hdf", ".npz", ".npy", ".raw"})) {
       arrays.push_back(entry->path());
-    } else if (has_ending_of(name, {".txt", ".txt.gz", ".csv", ".csv.gz"}) &&
-               lists_events(entry->path())) {
+    } else if (has_ending_of(unpacked, kTextEndings) && lists_events(entry->path())) {
       text.push_back(entry->path());
     }
   }
@@ -99,7 +103,7 @@ bool is_blank(const fs::path& path) {
   constexpr uintmax_t kShort = 4096;
   std::error_code error;
   const uintmax_t bytes = fs::file_size(path, error);
-  const bool is_text = has_ending_of(path.filename().string(), {".txt", ".csv"});
+  const bool is_text = has_ending_of(in_small_letters(path.filename().string()), kTextEndings);
   if (error || bytes == 0 || bytes > kShort || !is_text) return !error && bytes == 0;
   std::ifstream text(path);
   for (std::string line; std::getline(text, line);) {

@@ -190,12 +190,21 @@ std::optional<size_t> number_of(const fs::path& file) {
   return number;
 }
 
-/// Whether the first number of each line is that of its frame.
+/// Whether the first number of each line is that of its frame: numbers that count, or, where frames
+/// are missing, whole ones that rise in small steps beside rising times that cannot be their ends.
 bool has_frame_numbers(const NumberList& list) {
-  for (size_t i = 0; i < list.rows.size(); ++i) {
-    if (list.rows[i][0] != list.rows[0][0] + double(i)) return false;
+  constexpr double kLargestStep = 100;  // on average
+  const std::vector<Row>& rows = list.rows;
+  bool is_counted = true, is_rising = rows.size() > 1 && rows[0].size() > 1, is_exposed = true;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    is_counted = is_counted && rows[i][0] == rows[0][0] + double(i);
+    if (i == 0 || !is_rising) continue;
+    is_rising = rows[i][0] == std::floor(rows[i][0]) && rows[i][0] > rows[i - 1][0] &&
+                rows[i][1] > rows[i - 1][1];
+    is_exposed = is_exposed && rows[i - 1][1] <= rows[i][0] && rows[i][1] >= rows[i][0];
   }
-  return true;
+  if (is_counted || !is_rising) return is_counted;
+  return !is_exposed && rows.back()[0] - rows[0][0] < kLargestStep * double(rows.size() - 1);
 }
 
 /// The number of the frame that a list of more or fewer lines than frames begins with: its own, or
@@ -223,10 +232,16 @@ std::vector<Row> rows_of(const NumberList& list, const std::vector<FrameFile>& f
                          std::vector<std::string>& notes) {
   if (list.rows.size() == files.size()) return list.rows;
   const double first = first_number(list, files);
+  const bool is_numbered = list.rows[0].size() > 1 && has_frame_numbers(list);
   std::vector<Row> out;
   for (const FrameFile& file : files) {
     const std::optional<size_t> number = number_of(file.path);
-    const double line = number ? double(*number) - first : -1;
+    double line = number ? double(*number) - first : -1;
+    if (number && is_numbered) {
+      const auto found = std::find_if(list.rows.begin(), list.rows.end(),
+                                      [&](const Row& row) { return row[0] == double(*number); });
+      line = double(found - list.rows.begin());
+    }
     if (line < 0 || line >= double(list.rows.size())) {
       throw DataError(concat(list.path.string(), ": expected one line per frame, found ",
                              list.rows.size(), " lines for ", files.size(),
@@ -381,6 +396,24 @@ std::vector<fs::path> list_folders(const fs::path& images, const fs::path& root)
     out.push_back(out.back().parent_path());
   }
   return out;
+}
+
+std::vector<fs::path> lists_beside(const fs::path& frames) {
+  const bool is_one_file = !is_folder(frames);
+  std::vector<fs::path> folders = list_folders(is_one_file ? frames.parent_path() : frames, {});
+  if (!is_one_file) folders.erase(folders.begin());
+  std::vector<fs::path> lists;
+  for (const fs::path& folder : folders) {
+    std::error_code error;
+    for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+         entry.increment(error)) {
+      const std::string name = in_small_letters(entry->path().filename().string());
+      if ((has_ending(name, ".txt") || has_ending(name, ".csv")) && is_file(entry->path()))
+        lists.push_back(entry->path());
+    }
+  }
+  std::sort(lists.begin(), lists.end());
+  return lists;
 }
 
 bool apply_numbers(const fs::path& path, const ReadOptions& options, std::vector<FrameFile>& files,

@@ -319,7 +319,8 @@ std::vector<FrameFile> timed_images(const fs::path& images, const fs::path& root
   const fs::path npz = given ? fs::path() : found("timestamps.npz");
   const fs::path lines = npz.empty() || !exposures.empty() ? found("images.txt") : fs::path();
   std::vector<FrameFile> out;
-  if (!lines.empty() && !is_of_colmap(lines)) out = listed_or_none(lines, given, recording);
+  if (!lines.empty() && !is_of_colmap(lines))
+    out = listed_or_none(lines, given || !exposures.empty(), recording);
   const bool listed = !out.empty();
   if (!listed && !images.empty()) out = images_of(images, root, recording);
   if (out.empty()) return out;

@@ -275,19 +275,28 @@ void note_clocks(const ReadOptions& options, Recording& recording) {
                           : "; if the events ended early, cut these off with --begin-s, --end-s"));
 }
 
-/// Notes exposures without events among those that the events cover.
+/// Notes exposures without events among those that the events cover, else stretches without any.
 /// @param ahead_us  of the events' clock relative to the frames'
 void note_pauses(int64_t ahead_us, Recording& recording) {
   constexpr int64_t kShortestUs = 1000;  // shorter exposures may fall between two events
   if (recording.events.empty()) return;
   const int64_t first = recording.events.first_us(), last = recording.events.last_us();
   std::vector<std::string> without;
+  std::vector<events::NamedWindow> exposures;
   for (const Frame& frame : recording.frames) {
     const int64_t begin = frame.t_start_us + ahead_us, end = frame.t_end_us + ahead_us;
     if (end - begin < kShortestUs || begin < first || end > last) continue;
+    exposures.push_back({frame.name, {begin, end}});
     if (recording.events.slice(begin, end).empty()) without.push_back(frame.name);
   }
-  if (without.empty()) return;
+  if (without.empty()) {
+    const std::string fault = events::silence_fault(exposures, events::silences(recording.events));
+    if (!fault.empty()) {
+      recording.warnings.push_back(
+          fault + ", or a camera that stops at once; record again, or leave these frames out");
+    }
+    return;
+  }
   recording.warnings.push_back(concat(without.size(), " of ", recording.frames.size(),
                                       " exposures have no events (the first is ", without.front(),
                                       "), although events come before and after; did the recording "

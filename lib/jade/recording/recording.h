@@ -104,4 +104,8 @@ struct ReadOptions {
 /// @throws Interrupted.
 Recording read_recording(const std::filesystem::path& path, const ReadOptions& options = {});
 
+/// The lists outside ReadOptions::frames that may have the times of its images: those in the
+/// folders above it, and beside a file.
+std::vector<std::filesystem::path> lists_beside(const std::filesystem::path& frames);
+
 }  // namespace jade::recording

@@ -65,6 +65,16 @@ fs::path listed_file(const fs::path& folder, const fs::path& name) {
   return folder / name;
 }
 
+/// A name in a list. A complete path is reduced to its part in the folder, or to its last name.
+fs::path name_inside(const fs::path& folder, const fs::path& name) {
+  if (name.is_relative()) return name;
+  for (fs::path rest = name.relative_path(); rest.has_parent_path();) {
+    if (fs::is_regular_file(folder / rest)) return rest;
+    rest = rest.lexically_relative(*rest.begin());
+  }
+  return name.filename();
+}
+
 /// The file of a list's line after the time: all of it or, if there is no such file, the part
 /// before a blank that other columns may follow. Names with blanks may be quoted.
 fs::path file_of_line(const fs::path& folder, std::string text) {
@@ -76,12 +86,13 @@ fs::path file_of_line(const fs::path& folder, std::string text) {
   }
   for (std::string name = text; !name.empty();) {
     name.erase(name.find_last_not_of(kBlanks) + 1);
-    if (stays_inside(name) && fs::is_regular_file(listed_file(folder, name))) return name;
+    const fs::path inside = name_inside(folder, name);
+    if (stays_inside(inside) && fs::is_regular_file(listed_file(folder, inside))) return inside;
     const auto blank = name.find_last_of(kBlanks);
     if (blank == std::string::npos) break;
     name.erase(blank);
   }
-  return text.substr(0, text.find_first_of(kBlanks));
+  return name_inside(folder, text.substr(0, text.find_first_of(kBlanks)));
 }
 
 /// UZH-FPV counts the images: "0 1540223197.055 img/image_0_0.png". The time is then the second
