@@ -18,4 +18,12 @@ inline std::string shell_word(const std::filesystem::path& path) {
   return word + "'";
 }
 
+/// `output`, or another name if a command may not write there because it reads `input`.
+inline std::filesystem::path folder_apart(const std::filesystem::path& output,
+                                          const std::filesystem::path& input) {
+  const bool is_input =
+      std::filesystem::weakly_canonical(output) == std::filesystem::weakly_canonical(input);
+  return is_input ? std::filesystem::path(output.string() + "-out") : output;
+}
+
 }  // namespace jade::apps

@@ -34,7 +34,7 @@ void add_flags(apps::Program& program, DeblurFlags& flags) {
   }
   CLI::App& cli = program.cli();
   program.add_example("jade_deblur --dataset data/table --method efnet --output sharp");
-  program.add_example("jade_deblur --run runs/table --method router --output sharp");
+  program.add_example("jade_deblur --run runs/paper --method router --output sharp");
   program.begin_group("Input");
   cli.add_option("--run", flags.options.run,
                  "Run directory of jade_train: its router, settings and data set")

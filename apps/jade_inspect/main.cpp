@@ -42,7 +42,7 @@ std::string training_arguments(data::DatasetOptions options) {
     flags += " --set " + apps::shell_word("dataset." + key + "=" + value);
   }
   return apps::shell_word(folder) + flags + " --output " +
-         apps::shell_word(fs::path("runs") / folder.filename());
+         apps::shell_word(apps::folder_apart(fs::path("runs") / folder.filename(), folder));
 }
 
 ExitCode inspect(const train::RunOptions& settings, double log_offset,

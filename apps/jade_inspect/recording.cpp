@@ -14,6 +14,7 @@
 #include "jade/core/readable.h"
 #include "jade/import/calibration.h"
 #include "jade/import/frame_masks.h"
+#include "jade/import/read_capture.h"
 #include "jade/recording/recording.h"
 
 namespace jade::apps {
@@ -65,10 +66,11 @@ RecordingNumbers numbers_of(const Recording& r) {
   return n;
 }
 
-/// Name of a file or folder, even if given as "scene/" or ".".
+/// Name of a file or folder, even if given as "scene/" or ".", without its endings.
 fs::path name_of(const fs::path& path) {
   const fs::path whole = fs::absolute(path).lexically_normal();
-  return (whole.has_filename() ? whole : whole.parent_path()).stem();
+  const fs::path name = whole.has_filename() ? whole : whole.parent_path();
+  return name.extension() == ".gz" ? name.stem().stem() : name.stem();
 }
 
 /// Command to run next; missing parts are placeholders in capitals.
@@ -90,7 +92,8 @@ std::string next_command(const Recording& r, const RecordingNumbers& n,
   const bool two_cameras =
       !r.calibrations.empty() && r.calibrations.front().text.find("cam1:") != std::string::npos;
   if (two_cameras) line += " --plane-depth METRES";
-  return line + " --output " + shell_word(fs::path("data") / name_of(r.source));
+  const fs::path output = fs::path("data") / name_of(r.source);
+  return line + " --output " + shell_word(folder_apart(output, r.source));
 }
 
 /// Why a calibration that can be read does not fit the frames or the event sensor, if the recording
@@ -136,6 +139,15 @@ void note_masks(Recording& r) {
   if (masked == 0) return;
   r.notes.push_back(concat("masks exclude pixels of ", masked, " of ", masks.size(),
                            " frames; jade_import takes them along"));
+}
+
+/// Warns of too few frames for an import.
+void check_count(Recording& r) {
+  const size_t count = r.frames.size();
+  if (count == 0 || count >= import::kFewestFrames) return;
+  r.warnings.push_back(concat("expected at least ", import::kFewestFrames,
+                              " frames from different places, found ", count,
+                              "; jade_import refuses fewer: record again"));
 }
 
 void print_frames(const Recording& r, const RecordingNumbers& n) {
@@ -219,6 +231,7 @@ void inspect_recording(const fs::path& path, recording::ReadOptions options,
   Recording r = recording::read_recording(path, options);
   check_calibrations(r);
   note_masks(r);
+  check_count(r);
   RecordingNumbers numbers = numbers_of(r);
   if (!options.events_group.empty())
     numbers.choice += " --events-group " + shell_word(options.events_group);

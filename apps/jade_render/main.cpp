@@ -67,7 +67,7 @@ void add_flags(apps::Program& program, RenderFlags& flags) {
       ->type_name("NAME");
   cli.add_option("--unblur", flags.unblur,
                  "Instead of --cameras: the blurry frame of this exposure, then its sharp moments "
-                 "(exposure.samples), as NAME_blurry, NAME_00, …")
+                 "(exposure.samples), as NAME_blurry and NAME_K, K from 0")
       ->type_name("NAME");
   cli.add_flag("--fps-benchmark", flags.fps_benchmark,
                "Measure frames per second, one view at a time, without writing images");

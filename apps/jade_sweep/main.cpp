@@ -153,7 +153,9 @@ void launch_local(const sweep::Plan& plan, const sweep::SweepOutput& output, con
                  : plan.spec.jobs > 0 ? plan.spec.jobs
                                       : sweep::jobs_for(options.devices, options.cores,
                                                         static_cast<int>(plan.runs.size()));
-  if (flags.jobs == 0) log_info(concat(options.jobs, " runs at once at most; --jobs sets it"));
+  if (flags.jobs == 0)
+    log_info(concat("at most ", options.jobs, options.jobs == 1 ? " run" : " runs",
+                    " at once; --jobs sets it"));
   options.retry_failed = flags.retry_failed;
   options.memory_margin = static_cast<int64_t>(flags.margin_gib * (1 << 30));
   options.on_end = [&] { sweep::write_table(sweep::gather(plan, output), output.folder()); };

@@ -4,6 +4,7 @@
 #include "common/cli.h"
 #include "common/dataset_flags.h"
 #include "common/shell.h"
+#include "jade/config/config.h"
 #include "jade/core/log.h"
 #include "jade/gaussians/scene_file.h"
 #include "jade/recording/format.h"
@@ -59,6 +60,15 @@ void use_path(const fs::path& path, apps::Program& program) {
   }
   if (fs::is_regular_file(path / "scene.yaml")) return program.use_config(path / "scene.yaml");
   program.use_key("dataset.path", path.string());
+}
+
+/// @throws ConfigError if a later --config or --set names another data set than that of the folder.
+void check_same_data(const fs::path& path, const fs::path& dataset) {
+  if (path.empty() || !fs::is_regular_file(path / "scene.yaml")) return;
+  const auto own = config::load<train::RunOptions>({path / "scene.yaml", {}, {}}).dataset.path;
+  if (fs::weakly_canonical(own) == fs::weakly_canonical(dataset)) return;
+  throw ConfigError(concat(path.string(), ": expected no other data set in --config and --set, ",
+                           "found dataset.path ", dataset.string(), "; leave one of the two away"));
 }
 
 /// Says what an interruption before the first step leaves.
@@ -131,6 +141,7 @@ int main(int argc, char** argv) {
       throw ConfigError(
           "--minutes: chooses the steps of a new run, found --resume; leave one away");
     }
+    check_same_data(path, options->dataset.path);
     if (!resumed) apps::check_run_apart(program.output(), options->dataset);
     if (resumed && resume.empty()) resume = "latest";
     std::optional<serve::Server> server;

@@ -144,6 +144,8 @@ TEST_CASE(
   CHECK_THAT(run(dir, "jade_train scene" + print).out, Catch::Contains("iterations: 77"));
   CHECK_THAT(run(dir, "jade_train scene/scene.yaml --set train.iterations=5" + print).out,
              Catch::Contains("iterations: 5 "));
+  dir.write("other.yaml", "dataset: {path: elsewhere}\n");
+  check_error(run(dir, "jade_train scene --config other.yaml --output x"), 2, "scene", "elsewhere");
   dir.write("events.txt", "0.001 1 2 1\n0.002 1 3 0\n");
   check_error(run(dir, "jade_train events.txt --output x"), 2, "jade_import events.txt");
   check_error(run(dir, "jade_train nowhere --output x"), 3, "nowhere");

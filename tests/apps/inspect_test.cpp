@@ -190,7 +190,10 @@ TEST_CASE("jade_inspect: a recording, what is missing, and the next command", "[
   const auto json = nlohmann::json::parse(run(dir, "jade_inspect scene --json").out);
   CHECK(json["events"] == 3);
   CHECK(json["frames"][1]["t_end_us"] == 420000);
-  CHECK_THAT(run(dir, "jade_inspect scene/").out, Catch::Contains("--output data/scene\n"));
+  CHECK_THAT(run(dir, "jade_inspect scene/").out,
+             test::naming("--output data/scene\n", "expected at least 4 frames", "found 2"));
+  run(dir, "mkdir data && cp -r scene data/scene");
+  CHECK_THAT(run(dir, "jade_inspect data/scene").out, Catch::Contains("--output data/scene-out\n"));
   run(dir, "mkdir odd && cp -r scene odd/s");
   run(dir, "cd odd/s/images && mv a.png \"$(printf 'a\\337')\".png");
   run(dir,

@@ -130,7 +130,7 @@ void tell_lost_colors(const fs::path& path, SceneKind kind, const splat::Gaussia
   };
   if (kind == SceneKind::kSplat && count_visible_of(rest.ne(0)) > 0) {
     log_warn(concat(path.string(), ": view dependence (SH above degree 0) is left out, because ",
-                    format, " cannot hold it; write .ply, .spz or .sog"));
+                    format, " cannot hold it; write .ply, .spz, .sog or .glb"));
   }
   // Limits of the coefficients of degree 0 and of those above, with half a step of rounding.
   // Renderers show negative colours as black, so that .splat loses only bright ones.

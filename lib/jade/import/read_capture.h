@@ -12,6 +12,9 @@
 
 namespace jade::import {
 
+/// Frames that an import needs.
+constexpr size_t kFewestFrames = 4;
+
 /// The stamp that the options name; no value for auto.
 std::optional<recording::Stamp> stamp_of(const TimeOptions& options);
 

@@ -27,7 +27,8 @@ std::shared_ptr<router::Allocation> load_allocation(const fs::path& run,
   if (options.objective.target != losses::Target::kRouted) {
     throw ConfigError(concat(run.string(),
                              ": expected a run with a router, found objective.target ",
-                             word_of(options.objective.target)));
+                             word_of(options.objective.target),
+                             "; choose another --method, or a run of configs/paper.yaml"));
   }
   const auto& camera = dataset.train.front().camera;
   auto allocation = router::make_allocation(
