@@ -13,7 +13,6 @@
 #include "jade/data/warnings.h"
 #include "jade/events/warp.h"
 #include "jade/imaging/warp.h"
-#include "jade/import/rectify.h"
 
 namespace jade::import {
 namespace {
@@ -25,6 +24,8 @@ constexpr double kFarFromMiddle = 0.15;
 constexpr double kManyLost = 0.4, kMostLost = 0.9;
 /// Frames with more pixels than this per pixel of the event sensor, per side, are scaled to it.
 constexpr double kFiner = 1.2;
+/// Multiple of the plane's depth at which the parallax is invisible.
+constexpr double kFarAway = 1e6;
 
 /// A view of over 150 or under 6 degrees is rare.
 void warn_of_view(const Calibration& calibration, const Capture& capture) {
@@ -132,6 +133,34 @@ void check_loss(const events::WarpedEvents& moved, int64_t all, const LensOption
 
 }  // namespace
 
+Rectification rectification(const RectifyCameras& cameras, const LensOptions& options) {
+  Rectification result;
+  result.camera = geometry::rectified_camera(cameras.frames, options.field);
+  result.frame_map = geometry::undistortion_map(cameras.frames, result.camera);
+  if (!cameras.events) {
+    result.event_map = geometry::rectification_map(cameras.frames, result.camera);
+    return result;
+  }
+  const double depth = options.plane_depth;
+  if (!(depth > 0) || !std::isfinite(depth)) {
+    throw ConfigError(
+        concat("--plane-depth: expected the distance at which frames and events of two cameras are "
+               "to agree, in the calibration's unit (metres), found ",
+               depth));
+  }
+  const double near = options.near > 0 ? options.near : 0.5 * depth;
+  const double far = options.far > 0 ? options.far : kFarAway * depth;
+  if (!(near <= depth && depth <= far)) {
+    throw ConfigError(concat("--plane-depth: expected lens.near (", near,
+                             ") or more, and lens.far (", far, ") or less, found ", depth));
+  }
+  const geometry::Rig& rig = *cameras.events;
+  result.event_map = geometry::plane_map(rig, result.camera, depth);
+  result.at_near = geometry::plane_parallax(rig, result.camera, depth, near);
+  result.at_far = geometry::plane_parallax(rig, result.camera, depth, far);
+  return result;
+}
+
 events::ImageSize reach_of(const events::EventStream& events) {
   if (events.empty()) return {};
   const auto reach = [](const torch::Tensor& places) {
@@ -181,8 +210,7 @@ std::string undistort(const LensOptions& options, const Calibration& calibration
                       Capture& capture) {
   RectifyCameras cameras = cameras_of(calibration, capture);
   std::string said = scale_finer_frames(cameras, capture);
-  const Rectification to =
-      rectification(cameras, {options.field, options.plane_depth, options.near, options.far});
+  const Rectification to = rectification(cameras, options);
   for (Shot& shot : capture.shots) {
     throw_if_interrupted();
     shot.image = imaging::remap(shot.image, to.frame_map).clamp(0, 1);

@@ -4,12 +4,33 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <torch/types.h>
 
+#include "jade/geometry/rectification.h"
 #include "jade/import/calibration.h"
 #include "jade/import/capture.h"
 #include "jade/import/options.h"
 
 namespace jade::import {
+
+/// Calibrated cameras of a recording.
+struct RectifyCameras {
+  geometry::LensCamera frames;
+  /// The event camera and its pose; no value if one sensor records both.
+  std::optional<geometry::Rig> events = std::nullopt;
+};
+
+/// Maps that rectify a recording to one pinhole.
+struct Rectification {
+  geometry::Intrinsics camera;         ///< of frames and events after rectification
+  torch::Tensor frame_map;             ///< [2,H,W], for imaging::remap
+  torch::Tensor event_map;             ///< [2,h,w], for events::warp
+  geometry::Parallax at_near, at_far;  ///< for two cameras: remaining error; zero for one sensor
+};
+
+/// @throws ConfigError for two cameras without a plane's depth, or if it is not between near and
+///   far.
+Rectification rectification(const RectifyCameras& cameras, const LensOptions& options);
 
 /// The calibration that the options name, else the one beside the recording, else none.
 /// @param kept file of the latter, or empty
