@@ -12,7 +12,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/io/hdf5.h"
-#include "jade/io/hdf5_id.h"
+#include "jade/io/hdf5_types.h"
 #include "support/temp_dir.h"
 
 namespace jade::io {

@@ -9,7 +9,6 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
-#include "jade/io/npy_fields.h"
 #include "support/temp_dir.h"
 
 namespace jade::io {

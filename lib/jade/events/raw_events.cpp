@@ -11,7 +11,7 @@
 #include "jade/core/text.h"
 #include "jade/events/columns.h"
 #include "jade/events/time_faults.h"
-#include "jade/io/npy_fields.h"
+#include "jade/io/npy.h"
 
 namespace jade::events {
 namespace {

@@ -8,9 +8,6 @@
 #include "jade/core/error.h"
 #include "jade/io/ecf.h"
 #include "jade/io/hdf5_chunks.h"
-#include "jade/io/hdf5_datasets.h"
-#include "jade/io/hdf5_driver.h"
-#include "jade/io/hdf5_id.h"
 #include "jade/io/hdf5_types.h"
 #include "jade/io/stand_in.h"
 

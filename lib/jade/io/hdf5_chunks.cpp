@@ -10,7 +10,7 @@
 #include <vector>
 #include <zlib.h>
 
-#include "jade/io/hdf5_id.h"
+#include "jade/io/hdf5_types.h"
 
 namespace jade::io {
 namespace {

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/io/hdf5_datasets.h"
-
 #include <cstring>
 #include <vector>
 
 #include "jade/core/error.h"
-#include "jade/io/hdf5_id.h"
+#include "jade/io/hdf5_types.h"
 
 namespace jade::io {
 namespace {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "jade/io/hdf5_driver.h"
-
 #include <cstdint>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+#include "jade/io/hdf5_types.h"
 #if H5_VERSION_GE(1, 14, 0)
 #include <H5FDdevelop.h>
 #endif

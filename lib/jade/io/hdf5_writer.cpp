@@ -4,8 +4,6 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
-#include "jade/io/hdf5.h"
-#include "jade/io/hdf5_id.h"
 #include "jade/io/hdf5_types.h"
 
 namespace jade::io {

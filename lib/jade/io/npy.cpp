@@ -11,7 +11,6 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/error.h"
-#include "jade/io/npy_fields.h"
 #include "jade/io/npy_format.h"
 #include "jade/io/stand_in.h"
 

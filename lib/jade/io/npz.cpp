@@ -6,7 +6,6 @@
 #include "jade/core/error.h"
 #include "jade/core/text.h"
 #include "jade/io/npy.h"
-#include "jade/io/npy_fields.h"
 #include "jade/io/npy_format.h"
 #include "jade/io/zip.h"
 
