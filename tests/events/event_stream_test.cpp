@@ -75,6 +75,5 @@ TEST_CASE("event stream: problems are counted by kind", "[events]") {
       EventStream::from_lists(x, y, std::vector<int64_t>(10, 0), std::vector<int8_t>(10, -1));
   const auto problems = count_problems(events, {8, 10});
   CHECK(problems.not_finite == 3);
-  CHECK(problems.touching_edge == 2);
   CHECK(problems.outside == 3);
 }

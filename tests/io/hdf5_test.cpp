@@ -40,7 +40,6 @@ TEST_CASE("hdf5: values appended in pieces are restored whole and in ranges", "[
       writer.append("events/t", t.data() + begin, count);
       writer.append("events/x", x.data() + begin, count);
     }
-    writer.attribute("unit", "us");
     writer.close();
   }
   const Hdf5File file(folder / "e.h5");

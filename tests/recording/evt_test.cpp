@@ -146,7 +146,6 @@ TEST_CASE("evt: a damaged time far from its neighbours moves no later events", "
     behind += evt3_time(t) + evt3_word(2, 1);
   EvtDecoder decoder(dir.write("behind.raw", behind));
   CHECK(decoded(decoder).back().t == int64_t(0xa03) << 12);
-  CHECK(decoder.counts().wraps == 0);
 }
 
 TEST_CASE("evt: up to four damaged times in a row move no later events", "[recording]") {
@@ -165,7 +164,6 @@ TEST_CASE("evt: up to four damaged times in a row move no later events", "[recor
     REQUIRE(events.size() == damaged.size() + 22);
     CHECK(events[damaged.size() + 18].t == int64_t(0xa02) << 12);
     CHECK(events.back().t == int64_t(0x1000) << 12);
-    CHECK(decoder.counts().wraps == 1);
     CHECK(decoder.counts().astray > 0);
   }
   // scripts/ros_bag.py writes wraps that a silent sensor hides as half, largest time and 0.
@@ -234,7 +232,6 @@ TEST_CASE("evt: the time counter wraps, small steps back do not wrap it", "[reco
   for (const PlainEvent& event : decoded(decoder)) times.push_back(event.t);
   CHECK(times == std::vector<int64_t>{range - 5, range + 3, range + 5000, range + 4000,
                                       range + range / 2, 2 * range - 1, 2 * range});
-  CHECK(decoder.counts().wraps == 2);
   CHECK(decoder.counts().backwards == 1);
 
   const int64_t range2 = int64_t(1) << 34;
@@ -275,15 +272,12 @@ TEST_CASE("evt: any bytes behind a header are decoded within the sensor", "[reco
       EvtDecoder decoder(dir.write("a.raw", text));
       const bool known = decoder.header().width > 0;
       EvtEvents events;
-      int64_t count = 0;
       while (decoder.next(100, events)) {
-        count += int64_t(events.size());
         for (size_t i = 0; i < events.size(); ++i) {
           REQUIRE(events.x[i] < (known ? 64 : 2048));
           REQUIRE(events.y[i] < (known ? 48 : 2048));
         }
       }
-      CHECK(count == decoder.counts().events);
       CHECK(decoder.counts().unknown > 0);
       CHECK(decoder.counts().cut_bytes == 1);
       CHECK(decoder.progress() > 0.999);

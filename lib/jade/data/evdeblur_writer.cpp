@@ -131,15 +131,14 @@ void write_event_file(const fs::path& path, const events::EventStream& events, i
   writer.close();
 }
 
-void write_evdeblur(const fs::path& folder, const EvDeblurContent& content,
-                    const EvDeblurWriteOptions& options) {
+void write_evdeblur(const fs::path& folder, const EvDeblurContent& content, int image_bits) {
   check_content(content);
   for (const char* name :
        {"images_1", "sharp", kHeldOutFile, kGainFile, "points.npz", "ev_map.npz"}) {
     fs::remove_all(folder / name);
   }
   make_writable_folder(folder / "images_1");
-  const imaging::ImageWriteOptions image_options{options.image_bits, 95};
+  const imaging::ImageWriteOptions image_options{image_bits, 95};
   std::vector<const torch::Tensor*> images;
   std::vector<geometry::Pose> poses;
   for (const Exposure& exposure : content.train) {
@@ -151,21 +150,19 @@ void write_evdeblur(const fs::path& folder, const EvDeblurContent& content,
     poses.push_back(view.pose);
   }
   for (size_t i = 0; i < images.size(); ++i) {
-    imaging::write_image(
-        folder / "images_1" / (frame_name(i, images.size()) + options.image_extension), *images[i],
-        image_options);
+    imaging::write_image(folder / "images_1" / (frame_name(i, images.size()) + ".png"), *images[i],
+                         image_options);
   }
   if (!content.sharp_mid.empty()) make_writable_folder(folder / "sharp");
   for (size_t i = 0; i < content.sharp_mid.size(); ++i) {
-    imaging::write_image(
-        folder / "sharp" / (frame_name(i, images.size()) + options.image_extension),
-        content.sharp_mid[i], image_options);
+    imaging::write_image(folder / "sharp" / (frame_name(i, images.size()) + ".png"),
+                         content.sharp_mid[i], image_options);
   }
   write_times(folder / "images_1" / "timestamps.npz", content);
   io::write_npy(folder / "poses_bounds.npy", llff_rows(llff_of(poses, content)));
   io::write_npy(folder / "all_poses_bounds.npy", llff_rows(llff_of(content.path, content)));
   io::write_npy(folder / "all_timestamps.npy", torch::tensor(content.path_t_us, torch::kInt64));
-  write_event_file(folder / "events.h5", content.events, options.gzip_level);
+  write_event_file(folder / "events.h5", content.events);
   if (content.points.defined()) {
     io::write_npz(folder / "points.npz", {{"points", content.points.to(torch::kFloat32)},
                                           {"colors", content.point_colors}});

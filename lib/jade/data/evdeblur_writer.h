@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <string>
 #include <torch/types.h>
 #include <vector>
 
@@ -34,25 +33,20 @@ struct EvDeblurContent {
   std::vector<torch::Tensor> sharp_mid;  ///< [3,H,W] RGB in [0,1], one per exposure
 };
 
-struct EvDeblurWriteOptions {
-  std::string image_extension = ".png";
-  int image_bits = 8;  ///< 8 or 16
-  int gzip_level = 4;  ///< of events.h5
-};
-
 /// Writes images_1/NN.png and timestamps.npz, poses_bounds.npy, all_poses_bounds.npy,
 /// all_timestamps.npy, events.h5 (x, y float32, t int64 µs, p int8 ±1) and, if they have content,
 /// points.npz, held_out.txt, gains.csv, ev_map.npz and sharp/NN.png. The layout can store only one
 /// focal length and a centred principal point.
+/// @param image_bits  8 or 16
 /// @throws DataError if a file cannot be written.
 /// @throws ContractError for content that the layout cannot store: no exposure, cameras that differ
 ///   or are not centred, fx ≠ fy, test views without time, a trajectory that does not span the
 ///   exposures.
 void write_evdeblur(const std::filesystem::path& folder, const EvDeblurContent& content,
-                    const EvDeblurWriteOptions& options = {});
+                    int image_bits = 8);
 
 /// Writes the events.h5 of that layout. @throws DataError.
 void write_event_file(const std::filesystem::path& path, const events::EventStream& events,
-                      int gzip_level);
+                      int gzip_level = 4);
 
 }  // namespace jade::data

@@ -22,9 +22,6 @@
 namespace jade::events {
 namespace {
 
-// A size larger than every sensor, to check for NaN only.
-constexpr ImageSize kAnySize{int64_t(1) << 40, int64_t(1) << 40};
-
 enum class EventFileKind { kHdf5, kNpz, kNpy, kText };
 
 /// Whether the name is that of text, which gzip may have compressed.
@@ -384,21 +381,6 @@ bool continue_counter(const std::filesystem::path& path, torch::Tensor& time,
   return true;
 }
 
-void report(const std::filesystem::path& path, EventFileResult& result,
-            const std::optional<ImageSize>& size) {
-  const auto warn = [&](int64_t count, const char* what) {
-    if (count > 0) {
-      result.warnings.push_back(
-          concat(path.string(), ": ", count, " of ", result.events.size(), " events ", what));
-    }
-  };
-  result.problems = count_problems(result.events, size.value_or(kAnySize));
-  if (!size) result.problems.outside = result.problems.touching_edge = 0;
-  warn(result.problems.not_finite, "have NaN or Inf coordinates and are ignored");
-  warn(result.problems.outside, "lie outside the image and are ignored");
-  if (result.stored == 0) result.warnings.push_back(concat(path.string(), ": holds no events"));
-}
-
 }  // namespace
 
 EventStream sort_events(const torch::Tensor& x, const torch::Tensor& y, const torch::Tensor& t_us,
@@ -520,7 +502,11 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
   const std::string alone = lone_event_warning(path, result.events.t_us(), !result.was_unsorted);
   if (!alone.empty()) result.warnings.push_back(alone);
   if (options.keep) result.events = only_in(*options.keep, result.events);
-  report(path, result, options.size);
+  if (const int64_t bad = count_problems(result.events, {}).not_finite; bad > 0) {
+    result.warnings.push_back(concat(path.string(), ": ", bad, " of ", result.events.size(),
+                                     " events have NaN or Inf coordinates and are ignored"));
+  }
+  if (result.stored == 0) result.warnings.push_back(concat(path.string(), ": holds no events"));
   return all;
 }
 

@@ -16,8 +16,6 @@ struct EventFileOptions {
   TimeUnit time_unit = TimeUnit::kAuto;
   /// From the first exposure's start to the last exposure's end, in µs.
   std::optional<TimeWindow> exposures;
-  /// If set, events outside the image are counted and reported.
-  std::optional<ImageSize> size;
   /// If set, only events in these windows are kept; windows are sorted and disjoint, in µs. An HDF5
   /// file in order of time is read only there.
   std::optional<std::vector<TimeWindow>> keep = std::nullopt;
@@ -33,7 +31,6 @@ struct EventFileOptions {
 struct EventFileResult {
   EventStream events;
   TimeUnit time_unit = TimeUnit::kUs;  ///< as found in the file, never kAuto
-  EventProblems problems;              ///< outside and touching_edge only if a size was given
   bool was_unsorted = false;           ///< times were not in order and have been sorted
   int64_t stored = 0;                  ///< events of the file without strays, kept or not
   TimeWindow stored_us;                ///< times of the first and last of these events, inclusive
@@ -69,8 +66,8 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 ///               are skipped; also compressed, .txt.gz
 /// Polarity is 0/1 or −1/+1. Times are stored in µs, rounded down from ns. Unsorted times are
 /// sorted stably; copies (without_copies()) and a few events far from all others are left out.
-/// Events with NaN coordinates or outside the image stay in the stream; counts ignore them. Each of
-/// these gives a warning.
+/// Events with NaN coordinates stay in the stream; counts ignore them. Each of these gives a
+/// warning.
 /// @throws DataError naming the path: missing or damaged files, arrays that are missing or of
 ///   different lengths, other polarities, times that are NaN or overlap no exposure in any unit.
 EventFileResult read_events(const std::filesystem::path& path,

@@ -142,25 +142,18 @@ EventProblems count_problems(const EventStream& events, const ImageSize& size) {
   const float* x = events.x().const_data_ptr<float>();
   const float* y = events.y().const_data_ptr<float>();
   const float width = float(size.width), height = float(size.height);
-  std::atomic<int64_t> not_finite{0}, outside{0}, touching{0};
+  std::atomic<int64_t> not_finite{0}, outside{0};
   at::parallel_for(0, events.size(), kEventGrain, [&](int64_t begin, int64_t end) {
-    int64_t bad = 0, out = 0, edge = 0;
+    int64_t bad = 0, out = 0;
     for (int64_t i = begin; i < end; ++i) {
       const float u = x[i], v = y[i];
-      if (u >= 0 && u <= width - 1 && v >= 0 && v <= height - 1) continue;
-      if (!std::isfinite(u) || !std::isfinite(v)) {
-        ++bad;
-      } else if (u > -1 && u < width && v > -1 && v < height) {
-        ++edge;
-      } else {
-        ++out;
-      }
+      if (u > -1 && u < width && v > -1 && v < height) continue;
+      ++(std::isfinite(u) && std::isfinite(v) ? out : bad);
     }
     not_finite += bad;
     outside += out;
-    touching += edge;
   });
-  return {not_finite, outside, touching};
+  return {not_finite, outside};
 }
 
 }  // namespace jade::events

@@ -79,9 +79,8 @@ class EventStream {
 
 /// Counts of invalid events in a stream. Voxels and windows ignore such events.
 struct EventProblems {
-  int64_t not_finite = 0;     ///< x or y is NaN or Inf
-  int64_t outside = 0;        ///< one pixel or more from every pixel centre
-  int64_t touching_edge = 0;  ///< between the outermost pixel centres and one pixel beyond
+  int64_t not_finite = 0;  ///< x or y is NaN or Inf
+  int64_t outside = 0;     ///< one pixel or more from every pixel centre
 };
 
 /// One pass over the events, threaded; CPU streams only.

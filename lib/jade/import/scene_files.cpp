@@ -246,9 +246,7 @@ std::vector<Part> parts_of(const Capture& capture, const std::vector<TimedPose>&
 std::string write_scene(const fs::path& folder, const Capture& capture, const Reconstruction& found,
                         const ImportOptions& options) {
   const std::vector<Part> parts = parts_of(capture, found.poses, options.test);
-  data::EvDeblurWriteOptions how;
-  how.image_bits = is_eight_bit(capture) ? 8 : 16;
-  data::write_evdeblur(folder, content_of(capture, found, parts), how);
+  data::write_evdeblur(folder, content_of(capture, found, parts), is_eight_bit(capture) ? 8 : 16);
   fs::remove(folder / data::kMaskFile);  // of an earlier import
   if (capture.mask.defined()) {
     imaging::write_image(folder / data::kMaskFile, capture.mask.to(torch::kFloat32));

@@ -105,10 +105,6 @@ class Hdf5Writer {
   /// and the groups of its path. Supports the types of Hdf5File::read.
   template <class T>
   void append(const std::string& name, const T* values, int64_t count);
-  /// Sets an attribute of the file. @throws DataError.
-  void attribute(const std::string& name, const std::string& value);
-  /// Sets an attribute of a data set that append() has created. @throws DataError.
-  void attribute(const std::string& dataset, const std::string& name, const std::string& value);
   /// Finishes the file. @throws DataError if it cannot be written completely.
   void close();
 

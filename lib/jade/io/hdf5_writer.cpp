@@ -7,18 +7,6 @@
 #include "jade/io/hdf5_types.h"
 
 namespace jade::io {
-namespace {
-
-bool write_text(hid_t object, const std::string& name, const std::string& value) {
-  const Hdf5Id space(H5Screate(H5S_SCALAR));
-  const Hdf5Id type(H5Tcopy(H5T_C_S1));
-  H5Tset_size(type, value.size() + 1);
-  H5Tset_cset(type, H5T_CSET_UTF8);
-  const Hdf5Id attribute(H5Acreate2(object, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT));
-  return attribute.valid() && H5Awrite(attribute, type, value.c_str()) >= 0;
-}
-
-}  // namespace
 
 struct Hdf5Writer::Handle {
   Handle(const std::filesystem::path& path, int level) : target(path), gzip_level(level) {}
@@ -88,19 +76,6 @@ void Hdf5Writer::append_as(const std::string& name, int64_t type, const void* va
 template <class T>
 void Hdf5Writer::append(const std::string& name, const T* values, int64_t count) {
   append_as(name, native_type<T>(), values, count);
-}
-
-void Hdf5Writer::attribute(const std::string& name, const std::string& value) {
-  if (write_text(handle_->file, name, value)) return;
-  throw DataError(concat(path_.string(), ": attribute '", name, "' cannot be written"));
-}
-
-void Hdf5Writer::attribute(const std::string& dataset, const std::string& name,
-                           const std::string& value) {
-  const auto found = handle_->datasets.find(dataset);
-  if (found != handle_->datasets.end() && write_text(found->second, name, value)) return;
-  throw DataError(
-      concat(path_.string(), ": attribute '", name, "' of '", dataset, "' cannot be written"));
 }
 
 void Hdf5Writer::close() {

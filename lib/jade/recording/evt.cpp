@@ -296,7 +296,6 @@ void EvtDecoder::set_time_high(int64_t value, int count, int shift) {
   const int64_t step = high - high_us_ + (fell ? range : 0);
   if (has_time_) ++(step >= 0 && step <= range / kNear ? near_steps_ : far_steps_);
   const int64_t wrap = damaged > 0 ? past_[damaged].wrap_us : wrap_us_ + (fell ? range : 0);
-  counts_.wraps += (wrap - wrap_us_) / range;
   counts_.astray += int64_t(damaged);
   high_us_ = high, wrap_us_ = wrap;
   time_us_ = wrap_us_ + high_us_;
@@ -318,7 +317,6 @@ void EvtDecoder::add_event(int64_t x, int64_t y, bool on, EvtEvents& out) {
   }
   if (time_us_ < latest_us_) ++counts_.backwards;
   latest_us_ = time_us_;
-  ++counts_.events;
   out.x.push_back(uint16_t(x));
   out.y.push_back(uint16_t(y));
   out.t_us.push_back(time_us_);

@@ -43,12 +43,10 @@ struct EvtEvents {
 
 /// Counts of what a decoder has read.
 struct EvtCounts {
-  int64_t events = 0;
   int64_t outside = 0;      ///< events outside the sensor, dropped
   int64_t before_time = 0;  ///< events before the first full time stamp, dropped
   int64_t backwards = 0;    ///< events earlier than their predecessor, kept
   int64_t unknown = 0;      ///< words of unknown type, skipped
-  int64_t wraps = 0;        ///< wraps of the sensor's time counter
   int64_t astray = 0;     ///< damaged times, up to four, after which the counter goes on as before
   int64_t cut_bytes = 0;  ///< bytes of an incomplete word at the end of the file
 };
