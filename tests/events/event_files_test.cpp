@@ -11,7 +11,6 @@
 #include <torch/types.h>
 
 #include "jade/core/error.h"
-#include "jade/events/event_group.h"
 #include "jade/io/gzip.h"
 #include "jade/io/hdf5.h"
 #include "jade/io/npy.h"
@@ -353,15 +352,15 @@ TEST_CASE("event files: text in Prophesee's order, with the size and names that 
   for (const char* name :
        {"comma.csv", "tab.tsv", "semicolon.txt", "geometry.csv", "size.txt", "index.csv"}) {
     INFO(name);
-    const auto [read, size] = read_event_group(dir / name);
+    const auto read = read_events(dir / name);
     REQUIRE(read.events.size() == 40);
     CHECK(read.events.first_us() == 1000000);
     CHECK(read.events.x()[1].item<float>() == 37);
     CHECK(read.events.y()[1].item<float>() == 23);
     CHECK(int(read.events.polarity()[0].item<int8_t>()) == -1);
     const bool says = std::string(name) == "geometry.csv" || std::string(name) == "size.txt";
-    REQUIRE(size.has_value() == says);
-    if (says) CHECK((size->width == 64 && size->height == 48));
+    REQUIRE(read.sensor.has_value() == says);
+    if (says) CHECK((read.sensor->width == 64 && read.sensor->height == 48));
   }
   std::ofstream(dir / "ns.csv") << "t_ns,x,y,p\n2000,1,2,1\n3000,1,2,0\n";
   CHECK(read_events(dir / "ns.csv").events.last_us() == 3);

@@ -13,7 +13,6 @@
 #include "jade/core/machine_memory.h"
 #include "jade/core/readable.h"
 #include "jade/core/text.h"
-#include "jade/events/event_group.h"
 #include "jade/events/raw_events.h"
 #include "jade/events/stream_faults.h"
 #include "jade/events/time_faults.h"
@@ -338,19 +337,19 @@ std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const H
 /// All events of a file, or only those in options.keep if the file allows finding them without
 /// reading it whole.
 RawEvents wanted_events(const std::filesystem::path& path, const EventFileOptions& options,
-                        const std::string& group, EventFileResult& result) {
+                        EventFileResult& result) {
   const EventFileKind kind = file_kind(path);
   if (kind != EventFileKind::kHdf5) {
-    if (!group.empty()) {
+    if (!options.group.empty()) {
       throw DataError(concat(path.string(), ": expected an HDF5 file, of which a group is chosen (",
-                             group, "), found another format; leave the group out"));
+                             options.group, "), found another format; leave the group out"));
     }
     RawEvents raw = read_raw(path, kind);
     result.stored = raw.time.numel();
     check_event_memory(path, result.stored, options.event_bytes);
     return raw;
   }
-  const Hdf5Events file(path, group);
+  const Hdf5Events file(path, options.group);
   result.warnings = file.notes();
   if (!options.keep && options.most == 0) {
     result.stored = file.length();
@@ -422,19 +421,13 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
   check_memory(concat(path.string(), ": ", count, " events"), bytes * double(count));
 }
 
-EventFileResult read_events(const std::filesystem::path& path, const EventFileOptions& options) {
-  return read_event_group(path, options).file;
-}
-
 std::string event_group_name(const std::filesystem::path& path, const std::string& group) {
   return Hdf5Events(path, group).name();
 }
 
-EventGroupResult read_event_group(const std::filesystem::path& path,
-                                  const EventFileOptions& options, const std::string& group) {
-  EventGroupResult all;
-  EventFileResult& result = all.file;
-  RawEvents raw = wanted_events(path, options, group, result);
+EventFileResult read_events(const std::filesystem::path& path, const EventFileOptions& options) {
+  EventFileResult result;
+  RawEvents raw = wanted_events(path, options, result);
   if (!raw.note.empty()) result.warnings.push_back(raw.note);
   make_signs(path, raw.polarity);
   TimeRange range = range_of(path, raw.time);
@@ -463,7 +456,7 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
       check_digits(path, raw.time, result.time_unit);
     }
   }
-  all.sensor = raw.size;
+  result.sensor = raw.size;
   raw.time = to_us(raw.time, result.time_unit);
   if (range.has_fraction) continue_counter(path, raw.time, result);
   const ClockOrder order = order_of(raw.time);
@@ -507,7 +500,7 @@ EventGroupResult read_event_group(const std::filesystem::path& path,
                                      " events have NaN or Inf coordinates and are ignored"));
   }
   if (result.stored == 0) result.warnings.push_back(concat(path.string(), ": holds no events"));
-  return all;
+  return result;
 }
 
 }  // namespace jade::events

@@ -26,6 +26,9 @@ struct EventFileOptions {
   double event_bytes = 0;
   /// Without `exposures`: from the first frame to the last, in µs by a clock that may be another.
   std::optional<TimeWindow> frames = std::nullopt;
+  /// For an HDF5 file: the group of the arrays, or the name of the records or the table. Empty: the
+  /// stream nearest to the root, the first by name, with a warning that lists all.
+  std::string group = "";
 };
 
 struct EventFileResult {
@@ -34,6 +37,7 @@ struct EventFileResult {
   bool was_unsorted = false;           ///< times were not in order and have been sorted
   int64_t stored = 0;                  ///< events of the file without strays, kept or not
   TimeWindow stored_us;                ///< times of the first and last of these events, inclusive
+  std::optional<ImageSize> sensor;     ///< its size, if in the file
   std::vector<std::string> warnings;   ///< one line each, naming the path
 };
 
@@ -56,22 +60,31 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 
 /// Reads a recording into memory, 17 bytes per event without a second copy (16 bytes more per event
 /// while unsorted times are sorted, and for .npz and text).
-///   .h5 .hdf5   1-D data sets x, y, t, p of any integer or float type, in the file or in a group
-///               ("events/x", as DSEC; its t_offset is added); also xs ys ts ps, timestamps,
-///               polarity
-///   .npz        arrays of these names
-///   .npy        [N,4], columns t x y p or x y t p: of the first and the third, the one that never
-///               decreases is time; if both or neither do, the larger
-///   .txt .csv   one line "t x y p" per event, blanks or commas; lines of '#' and one header line
-///               are skipped; also compressed, .txt.gz
-/// Polarity is 0/1 or −1/+1. Times are stored in µs, rounded down from ns. Unsorted times are
-/// sorted stably; copies (without_copies()) and a few events far from all others are left out.
-/// Events with NaN coordinates stay in the stream; counts ignore them. Each of these gives a
-/// warning.
+///   HDF5   in the file or in a group: 1-D data sets x, y, t, p of any integer or float type (a
+///          t_offset beside them or in the file is added); records with fields of these names; a
+///          table [N,4] or [4,N] that is called "event…" or is the only one
+///   .npz   arrays of these names, or one array as in .npy
+///   .npy   records with fields of these names, or a table [N,4] or [4,N]
+///   text   .txt .csv .tsv: one line per event, separated by blanks, commas or semicolons; lines
+///          of '#' or '%' are comments, and one line of column names, or of width and height, may
+///          come first; also compressed, .txt.gz
+/// Numbers in text may be quoted and have decimal commas between semicolons or tabs; ON, OFF, True
+/// and False are polarities.
+/// Other names of x, y, t, p are xs ys ts ps, time, timestamp(s), pol, polarity; t_us, t_ns, t_ms,
+/// t_s and "t [us]" also give the unit, and so does an attribute "unit" or "units" in HDF5. Columns
+/// without names are recognised by their values: polarities are 0/1 or -1/+1, times never decrease,
+/// x comes before y.
+/// Times are stored in µs, rounded down from ns. Unsorted times are sorted stably; copies
+/// (without_copies()) and a few events far from all others are left out. Events with NaN
+/// coordinates stay in the stream; counts ignore them. Each of these gives a warning.
 /// @throws DataError naming the path: missing or damaged files, arrays that are missing or of
-///   different lengths, other polarities, times that are NaN or overlap no exposure in any unit.
+///   different lengths, ambiguous columns, a group that the file does not contain, other
+///   polarities, times that are NaN or overlap no exposure in any unit.
 EventFileResult read_events(const std::filesystem::path& path,
                             const EventFileOptions& options = {});
+
+/// The stream of an HDF5 file that read_events reads. @throws DataError as it does.
+std::string event_group_name(const std::filesystem::path& path, const std::string& group);
 
 /// Sorts events by time, stably.
 /// @param x,y,t_us,polarity  as in EventStream, in any order.

@@ -2,7 +2,7 @@
 // Files that contain only events.
 #include "jade/core/error.h"
 #include "jade/core/text.h"
-#include "jade/events/event_group.h"
+#include "jade/events/event_files.h"
 #include "jade/recording/contents.h"
 #include "jade/recording/format.h"
 
@@ -38,9 +38,11 @@ ReadEvents events_of(const fs::path& path, const ReadOptions& options,
     how.keep = wanted.kept;
     how.most = options.most_events;
     how.event_bytes = options.event_bytes;
-    auto [result, sensor] = events::read_event_group(path, how, options.events_group);
+    how.group = options.events_group;
+    events::EventFileResult result = events::read_events(path, how);
     out.events = std::move(result.events);
-    if (sensor && out.width == 0) out.width = sensor->width, out.height = sensor->height;
+    if (result.sensor && out.width == 0)
+      out.width = result.sensor->width, out.height = result.sensor->height;
     for (std::string& warning : result.warnings) out.warnings.push_back(std::move(warning));
     note_stored(result.stored, result.stored_us, options.most_events, out);
   };

@@ -11,7 +11,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
-#include "jade/events/event_group.h"
+#include "jade/events/event_files.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
 #include "jade/recording/contents.h"
