@@ -44,65 +44,39 @@ events::EventStream noisy_recording() {
 }  // namespace
 
 TEST_CASE("hot pixels: those that stand alone are found, an edge is not", "[import]") {
-  import::PixelCounter counter({kHeight, kWidth});
-  counter.add(noisy_recording());
-  CHECK(counter.seconds() == Approx(1).epsilon(0.01));
-  const auto hot = import::find_hot_pixels(counter);
-  REQUIRE(hot.pixels.size() == 2);
-  CHECK((hot.pixels[0].row == 11 && hot.pixels[0].column == 30));
-  CHECK(hot.pixels[0].rate_hz == Approx(1530).epsilon(0.1));
-  CHECK(hot.pixels[0].neighbours_hz == Approx(30).epsilon(0.2));
-  CHECK((hot.pixels[1].row == 3 && hot.pixels[1].column == 7));
-  CHECK((hot.mask[3][7].item<bool>() && hot.mask.sum().item<int64_t>() == 2));
-}
-
-TEST_CASE("hot pixels: parts of a recording add up to the whole", "[import]") {
-  const auto all = noisy_recording();
-  import::PixelCounter whole({kHeight, kWidth}), parts({kHeight, kWidth});
-  whole.add(all);
-  parts.add(all.range(0, all.size() / 3));
-  parts.add(events::EventStream());
-  parts.add(all.range(all.size() / 3, all.size()));
-  CHECK(whole.counts().equal(parts.counts()));
-  CHECK(whole.seconds() == parts.seconds());
-  CHECK(whole.counts().sum().item<int64_t>() == all.size());
-}
-
-TEST_CASE("hot pixels: their events go, all others stay in order", "[import]") {
-  const auto all = noisy_recording();
-  import::PixelCounter counter({kHeight, kWidth}), after({kHeight, kWidth});
-  counter.add(all);
-  const auto hot = import::find_hot_pixels(counter);
-  after.add(import::remove_events(all, hot.mask));
-  CHECK(after.counts().equal(counter.counts() * hot.mask.logical_not()));
-  CHECK(import::find_hot_pixels(after).pixels.empty());
+  const auto hot = import::find_hot_pixels(noisy_recording(), {kHeight, kWidth});
+  REQUIRE(hot.size() == 2);
+  CHECK((hot[0].row == 11 && hot[0].column == 30));
+  CHECK(hot[0].rate_hz == Approx(1530).epsilon(0.1));
+  CHECK(hot[0].neighbours_hz == Approx(30).epsilon(0.2));
+  CHECK((hot[1].row == 3 && hot[1].column == 7));
 }
 
 TEST_CASE("hot pixels: nothing and little are no reason to accuse a pixel", "[import]") {
-  import::PixelCounter counter({4, 4});
-  CHECK(import::find_hot_pixels(counter).pixels.empty());
-  counter.add(events::EventStream::from_lists({1, 1, 9}, {1, 1, 1}, {1, 2, 3}, {1, 1, 1}));
-  CHECK(counter.counts().sum().item<int64_t>() == 2);
-  CHECK(import::find_hot_pixels(counter).pixels.empty());
+  CHECK(import::find_hot_pixels({}, {4, 4}).empty());
+  const auto few = events::EventStream::from_lists({1, 1, 9}, {1, 1, 1}, {1, 2, 3}, {1, 1, 1});
+  CHECK(import::find_hot_pixels(few, {4, 4}).empty());
 }
 
 TEST_CASE("hot pixels: events on every other pixel accuse none but the hot one", "[import]") {
   const auto all = noisy_recording();
-  import::PixelCounter fine({2 * kHeight, 2 * kWidth});
-  fine.add({2 * all.x(), 2 * all.y(), all.t_us(), all.polarity()});
-  const auto hot = import::find_hot_pixels(fine);
-  REQUIRE(hot.pixels.size() == 2);
-  CHECK((hot.pixels[0].row == 22 && hot.pixels[0].column == 60));
-  CHECK((hot.pixels[1].row == 6 && hot.pixels[1].column == 14));
+  const auto hot = import::find_hot_pixels({2 * all.x(), 2 * all.y(), all.t_us(), all.polarity()},
+                                           {2 * kHeight, 2 * kWidth});
+  REQUIRE(hot.size() == 2);
+  CHECK((hot[0].row == 22 && hot[0].column == 60));
+  CHECK((hot[1].row == 6 && hot[1].column == 14));
 }
 
 TEST_CASE("hot pixels: small groups are found where all other pixels are silent", "[import]") {
-  std::vector<float> xs, ys;
-  for (int i = 0; i < 2000; ++i)
-    xs.push_back(float(5 + i % 2)), ys.push_back(float(50 + i / 2 % 2));
-  std::vector<int64_t> times(xs.size(), 5);
-  import::PixelCounter wide({kHeight + 40, kWidth});
-  wide.add(noisy_recording());
-  wide.add(events::EventStream::from_lists(xs, ys, times, std::vector<int8_t>(xs.size(), 1)));
-  CHECK(import::find_hot_pixels(wide).pixels.size() == 2 + 4);
+  const auto all = noisy_recording();
+  torch::Tensor x = torch::arange(2000), y = 50 + (x / 2).floor() % 2;
+  x = 5 + x % 2;
+  const auto with = [](const torch::Tensor& list, const torch::Tensor& more) {
+    return torch::cat({list, more.to(list.dtype())});
+  };
+  const torch::Tensor last = torch::full({2000}, all.last_us());
+  CHECK(import::find_hot_pixels({with(all.x(), x), with(all.y(), y), with(all.t_us(), last),
+                                 with(all.polarity(), torch::ones(2000))},
+                                {kHeight + 40, kWidth})
+            .size() == 2 + 4);
 }

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/data/event_file.h"
 
-#include <ATen/Parallel.h>
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <torch/types.h>
 
@@ -11,6 +9,7 @@
 #include "jade/core/text.h"
 #include "jade/data/named_files.h"
 #include "jade/events/event_files.h"
+#include "jade/events/pixels.h"
 #include "jade/events/stream_faults.h"
 #include "jade/imaging/event_cover.h"
 #include "jade/io/hdf5.h"
@@ -190,24 +189,13 @@ void tell_hot_pixel(const Dataset& data, const Warnings& warnings) {
   if (data.train.empty() || data.events.size() < kFewestEvents) return;
   const int64_t width = data.train.front().camera.width, height = data.train.front().camera.height;
   if (width * height < kFewestPixels) return;
-  std::vector<std::atomic<int64_t>> shared(size_t(width * height));
-  const float* const x = data.events.x().const_data_ptr<float>();
-  const float* const y = data.events.y().const_data_ptr<float>();
-  at::parallel_for(0, data.events.size(), events::kEventGrain, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      // Conversion to integers rounds down, because neither is negative.
-      const float column = x[i] + 0.5F, row = y[i] + 0.5F;
-      if (!(column >= 0 && column < float(width) && row >= 0 && row < float(height))) continue;
-      shared[size_t(int64_t(row) * width + int64_t(column))].fetch_add(1,
-                                                                       std::memory_order_relaxed);
-    }
-  });
-  const std::vector<int64_t> counts(shared.begin(), shared.end());
+  const torch::Tensor image = events::pixel_counts(data.events, {height, width});
+  const int64_t* const first = image.const_data_ptr<int64_t>();
+  std::vector<int64_t> counts(first, first + image.numel());
   const auto highest = std::max_element(counts.begin(), counts.end());
   const int64_t most = *highest, at = highest - counts.begin();
-  std::vector<int64_t> others = counts;
-  const auto quantile = others.begin() + std::ptrdiff_t(others.size() * 999 / 1000);
-  std::nth_element(others.begin(), quantile, others.end());
+  const auto quantile = counts.begin() + std::ptrdiff_t(counts.size() * 999 / 1000);
+  std::nth_element(counts.begin(), quantile, counts.end());
   const double usual = std::max(1.0, double(*quantile));
   const double share = double(most) / double(data.events.size());
   if (share <= kLargestShare && double(most) <= kTimesOthers * usual) return;

@@ -14,6 +14,7 @@
 #include "jade/core/readable.h"
 #include "jade/core/text.h"
 #include "jade/data/named_files.h"
+#include "jade/events/pixels.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/accents.h"
 
@@ -166,25 +167,6 @@ double share_excluded(const torch::Tensor& mask) {
   return 1 - mask.sum().item<double>() / double(mask.numel());
 }
 
-/// True for events whose nearest pixel counts, and for those outside the image.
-torch::Tensor kept_events(const events::EventStream& events, const torch::Tensor& mask) {
-  const int64_t height = mask.size(1), width = mask.size(2);
-  const torch::Tensor flat = mask.contiguous();
-  const torch::Tensor xs = events.x().contiguous(), ys = events.y().contiguous();
-  torch::Tensor keep = torch::empty({events.size()}, torch::kBool);
-  const bool* counts = flat.const_data_ptr<bool>();
-  const float *x = xs.const_data_ptr<float>(), *y = ys.const_data_ptr<float>();
-  bool* out = keep.mutable_data_ptr<bool>();
-  at::parallel_for(0, events.size(), events::kEventGrain, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      const bool inside = x[i] >= -0.5f && y[i] >= -0.5f && x[i] < float(width) - 0.5f &&
-                          y[i] < float(height) - 0.5f;
-      out[i] = !inside || counts[int64_t(y[i] + 0.5f) * width + int64_t(x[i] + 0.5f)];
-    }
-  });
-  return keep;
-}
-
 /// Training and held-out exposures, sorted by time.
 std::vector<const Exposure*> timed_exposures(const Dataset& data) {
   std::vector<const Exposure*> exposures;
@@ -208,18 +190,16 @@ events::EventStream without_masked(const Dataset& data) {
       until = std::max(done, data.events.count_before(end + (next - end) / 2));
     }
     const torch::Tensor& mask = exposures[i]->mask;
-    parts.push_back(mask.defined() ? kept_events(data.events.range(done, until), mask)
+    parts.push_back(mask.defined() ? events::kept_by(mask[0], data.events.range(done, until))
                                    : torch::ones({until - done}, torch::kBool));
     done = until;
   }
   const torch::Tensor keep = torch::cat(parts);
   if (keep.all().item<bool>()) return data.events;
-  const torch::Tensor index = keep.nonzero().flatten();
-  log_info(concat("masks: ", grouped(data.events.size() - index.numel()), " of ",
+  events::EventStream kept = data.events.select(keep);
+  log_info(concat("masks: ", grouped(data.events.size() - kept.size()), " of ",
                   grouped(data.events.size()), " events lie at excluded pixels and are dropped"));
-  const events::EventStream& e = data.events;
-  return {e.x().index_select(0, index), e.y().index_select(0, index),
-          e.t_us().index_select(0, index), e.polarity().index_select(0, index)};
+  return kept;
 }
 
 }  // namespace

@@ -128,6 +128,12 @@ EventStream EventStream::range(int64_t begin, int64_t end) const {
   return out;
 }
 
+EventStream EventStream::select(const torch::Tensor& keep) const {
+  const torch::Tensor index = keep.nonzero().flatten();
+  const auto kept = [&](const torch::Tensor& all) { return all.index_select(0, index); };
+  return {kept(x_), kept(y_), kept(t_us_), kept(polarity_)};
+}
+
 EventStream EventStream::to(torch::Device device) const {
   EventStream out;
   out.x_ = x_.to(device);

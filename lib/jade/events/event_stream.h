@@ -67,6 +67,9 @@ class EventStream {
   /// Events begin, begin + 1, …, end − 1 of this view, as a view.
   EventStream range(int64_t begin, int64_t end) const;
 
+  /// The events where `keep`, [N] bool, is true, as a copy.
+  EventStream select(const torch::Tensor& keep) const;
+
   /// Number of events before `t_us`: the index of the first one at or after it.
   int64_t count_before(int64_t t_us) const;
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <torch/types.h>
 #include <tuple>
@@ -302,16 +303,9 @@ DistinctEvents without_copies(const EventStream& events) {
                    " % that repeat the time, place and polarity of another, here and there; "
                    "the thresholds come out too small; keep each event once");
   if (copies == 0) return {events, 0, fault};
-  torch::Tensor kept = torch::empty({count - copies}, torch::kInt64);
-  int64_t* to = kept.data_ptr<int64_t>();
-  for (int64_t i = 0; i < count; ++i) {
-    if (!copied[size_t(i)]) *to++ = i;
-  }
-  const auto chosen = [&](const torch::Tensor& all) { return all.index_select(0, kept); };
-  return {
-      {chosen(events.x()), chosen(events.y()), chosen(events.t_us()), chosen(events.polarity())},
-      copies,
-      fault};
+  torch::Tensor kept = torch::empty({count}, torch::kBool);
+  std::transform(copied.begin(), copied.end(), kept.mutable_data_ptr<bool>(), std::logical_not());
+  return {events.select(kept), copies, fault};
 }
 
 int64_t frame_period_us(std::vector<NamedWindow> exposures) {

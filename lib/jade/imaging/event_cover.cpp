@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "jade/core/error.h"
+#include "jade/events/pixels.h"
 
 namespace jade::imaging {
 namespace {
@@ -52,21 +53,15 @@ std::string cover_fault(const events::EventStream& events, const torch::Tensor& 
   constexpr double kLeast = 0.6;
   const int64_t height = image.size(1), width = image.size(2);
   if (events.size() < kTelling) return "";
-  std::vector<bool> touched(size_t(width * height));
-  const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
-  int64_t inside = 0;
-  for (int64_t i = 0; i < events.size(); ++i) {
-    const float column = x[i] + 0.5F, row = y[i] + 0.5F;
-    if (!(column >= 0 && column < float(width) && row >= 0 && row < float(height))) continue;
-    touched[size_t(int64_t(row) * width + int64_t(column))] = true;
-    ++inside;
-  }
+  const torch::Tensor counts = events::pixel_counts(events, {height, width});
+  const int64_t* const count = counts.const_data_ptr<int64_t>();
+  const int64_t inside = counts.sum().item<int64_t>();
   if (inside < kTelling) return "";
   // Pixels count once, so that hot ones do not cover a band.
   Side columns(width), rows(height);
   int64_t all = 0;
   for (int64_t i = 0; i < width * height; ++i) {
-    if (!touched[size_t(i)]) continue;
+    if (count[i] == 0) continue;
     columns.add(i % width);
     rows.add(i / width);
     ++all;

@@ -8,6 +8,7 @@
 #include <torch/types.h>
 
 #include "jade/core/check.h"
+#include "jade/events/pixels.h"
 #include "jade/imaging/color.h"
 #include "jade/import/frame_change.h"
 
@@ -49,11 +50,9 @@ class ChangeLags {
 
   /// The lag of an event, µs. Call in order of time. NaN for events outside the sensor.
   double operator()(float x, float y, int64_t t_us, int8_t polarity) {
-    const float column = std::floor(x + 0.5f), row = std::floor(y + 0.5f);
-    if (!(column >= 0 && column < float(size_.width) && row >= 0 && row < float(size_.height))) {
-      return std::numeric_limits<double>::quiet_NaN();
-    }
-    const auto pixel = size_t(int64_t(row) * size_.width + int64_t(column));
+    const int64_t at = events::pixel_of(x, y, size_);
+    if (at < 0) return std::numeric_limits<double>::quiet_NaN();
+    const auto pixel = size_t(at);
     const double waited = std::min(double(t_us) - last_us_[pixel], kLongestWait_us);
     const double lag = polarity == polarity_[pixel] ? 0.5 : 0.125;
     last_us_[pixel] = double(t_us), polarity_[pixel] = polarity;

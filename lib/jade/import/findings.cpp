@@ -13,6 +13,7 @@
 #include "jade/core/median.h"
 #include "jade/core/progress.h"
 #include "jade/data/threshold_estimate.h"
+#include "jade/events/pixels.h"
 #include "jade/imaging/range.h"
 #include "jade/import/blur_length.h"
 #include "jade/import/clock_offset.h"
@@ -43,21 +44,11 @@ auto read_json(const fs::path& file, const Read& read) {
   }
 }
 
-torch::Tensor mask_of(const std::vector<HotPixel>& pixels, const events::ImageSize& sensor) {
-  torch::Tensor mask = torch::zeros({sensor.height, sensor.width}, torch::kBool);
-  for (const HotPixel& pixel : pixels) mask[pixel.row][pixel.column] = true;
-  return mask;
-}
-
-std::vector<HotPixel> hot_pixels_of(const Capture& capture) {
-  PixelCounter counter(capture.sensor);
-  counter.add(capture.events);
-  return find_hot_pixels(counter).pixels;
-}
-
 events::EventStream without(const std::vector<HotPixel>& pixels, const Capture& capture) {
   if (pixels.empty()) return capture.events;
-  return remove_events(capture.events, mask_of(pixels, capture.sensor));
+  torch::Tensor others = torch::ones({capture.sensor.height, capture.sensor.width}, torch::kBool);
+  for (const HotPixel& pixel : pixels) others[pixel.row][pixel.column] = false;
+  return capture.events.select(events::kept_by(others, capture.events));
 }
 
 /// Frames as seen behind a filter: all channels become that of the pixel.
@@ -133,7 +124,7 @@ std::string flip_of(const Capture& capture, const events::EventStream& events) {
 
 Capture without_hot_pixels(const Capture& capture) {
   Capture cleaned = capture;
-  cleaned.events = without(hot_pixels_of(capture), capture);
+  cleaned.events = without(find_hot_pixels(capture.events, capture.sensor), capture);
   return cleaned;
 }
 
@@ -158,7 +149,8 @@ ClockFinding find_clock(const TimeOptions& options, const Capture& capture, bool
   if (!options.find_offset) return {0, "as given", {}};
   // A single pixel that fires all the time can outweigh all moving ones.
   const std::vector<data::Exposure> exposures = exposures_of(capture);
-  const events::EventStream events = without(hot_pixels_of(capture), capture);
+  const events::EventStream events =
+      without(find_hot_pixels(capture.events, capture.sensor), capture);
   const ClockOffset found = estimate_clock_offset(exposures, events);
   const std::string flip = find_flip(exposures, events, found.correlation);
   if (!flip.empty()) {
@@ -212,7 +204,8 @@ bool lacks_exposures(const Capture& capture) {
 ExposureFinding find_exposures(const Capture& capture, std::optional<recording::Stamp> stamp) {
   std::vector<StampedFrame> frames;
   for (const Shot& shot : capture.shots) frames.push_back({shot.image, shot.t_start_us});
-  const events::EventStream events = without(hot_pixels_of(capture), capture);
+  const events::EventStream events =
+      without(find_hot_pixels(capture.events, capture.sensor), capture);
   const ExposureLength found = estimate_exposure_length(frames, events, stamp);
   if (found.ambiguous()) {
     const std::string flip = flip_of(capture, events);
@@ -315,7 +308,8 @@ void warn_of_many(const std::vector<HotPixel>& pixels, const Capture& capture) {
 SensorFinding find_sensor(const SensorOptions& options, const events::EventOptions& events,
                           const Capture& capture, const Align& align) {
   SensorFinding finding;
-  if (options.remove_hot_pixels) finding.hot_pixels = hot_pixels_of(capture);
+  if (options.remove_hot_pixels)
+    finding.hot_pixels = find_hot_pixels(capture.events, capture.sensor);
   warn_of_many(finding.hot_pixels, capture);
   finding.said = concat(finding.hot_pixels.size(), " hot pixels removed, ");
   warn_of_mosaics(capture);

@@ -9,6 +9,7 @@
 #include "jade/core/error.h"
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
+#include "jade/events/pixels.h"
 #include "jade/events/stream_faults.h"
 #include "jade/imaging/event_cover.h"
 #include "jade/imaging/image_io.h"
@@ -17,7 +18,6 @@
 #include "jade/import/calibration.h"
 #include "jade/import/exposure_length.h"
 #include "jade/import/frame_masks.h"
-#include "jade/import/hot_pixels.h"
 #include "jade/import/undistortion.h"
 #include "jade/recording/recording.h"
 
@@ -330,7 +330,7 @@ void drop_masked_events(Capture& capture) {
   const bool shared =
       capture.sensor.height == capture.height() && capture.sensor.width == capture.width();
   if (!capture.mask.defined() || !shared) return;
-  capture.events = remove_events(capture.events, capture.mask[0].logical_not());
+  capture.events = capture.events.select(events::kept_by(capture.mask[0], capture.events));
 }
 
 }  // namespace jade::import

@@ -214,8 +214,7 @@ void drop_outside(Recording& recording) {
   recording.warnings.push_back(concat(outside, " of ", all.size(), " events lie beside the ",
                                       recording.width, "x", recording.height,
                                       " sensor and were dropped"));
-  recording.events = {all.x().masked_select(inside), all.y().masked_select(inside),
-                      all.t_us().masked_select(inside), all.polarity().masked_select(inside)};
+  recording.events = all.select(inside);
 }
 
 void note_strays(Recording& recording) {
