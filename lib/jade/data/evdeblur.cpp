@@ -11,6 +11,7 @@
 
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/median.h"
 #include "jade/core/text.h"
 #include "jade/data/bayer.h"
 #include "jade/data/colmap_scene.h"
@@ -69,10 +70,7 @@ double typical_depth(const std::vector<LlffView>& views) {
   for (const LlffView& view : views) {
     depths.push_back(view.near > 0 && view.far > 0 ? std::sqrt(view.near * view.far) : 0);
   }
-  if (depths.empty()) return 0;
-  const auto middle = depths.begin() + std::ptrdiff_t(depths.size() / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
-  return *middle;
+  return median_of(std::move(depths));
 }
 
 std::vector<geometry::Pose> poses_of(const std::vector<LlffView>& views) {

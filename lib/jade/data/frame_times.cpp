@@ -164,16 +164,15 @@ void tell_short(const std::vector<FrameTime>& times, const std::string& path,
   for (const FrameTime& time : times) {
     if (!time.sharp()) lengths.push_back(time.end_us - time.start_us);
   }
-  const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
+  const int64_t usual = median_of(std::move(lengths));
   std::vector<std::string> found;
   for (size_t i = 0; i < times.size(); ++i) {
     const int64_t length = times[i].end_us - times[i].start_us;
-    if (!times[i].sharp() && double(length) < kTiny * double(*middle))
+    if (!times[i].sharp() && double(length) < kTiny * double(usual))
       found.push_back(concat(i, " (", length, " us)"));
   }
   if (found.empty()) return;
-  warnings.add(path, ": expected exposures of about ", *middle, " us, found much shorter ones of ",
+  warnings.add(path, ": expected exposures of about ", usual, " us, found much shorter ones of ",
                found.size() == 1 ? "frame " : "frames ", listing(found),
                ", which train as blurry frames; write equal timestamps_start and timestamps_end "
                "for sharp test views");

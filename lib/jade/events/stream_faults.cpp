@@ -308,12 +308,11 @@ DistinctEvents without_copies(const EventStream& events) {
   return {events.select(kept), copies, fault};
 }
 
-int64_t frame_period_us(std::vector<NamedWindow> exposures) {
-  sort_by_time(exposures);
-  std::vector<int64_t> steps;
-  for (size_t i = 1; i < exposures.size(); ++i)
-    steps.push_back(exposures[i].window.begin_us - exposures[i - 1].window.begin_us);
-  return median_of(std::move(steps));
+int64_t frame_period_us(const std::vector<NamedWindow>& exposures) {
+  std::vector<int64_t> starts;
+  for (const NamedWindow& exposure : exposures) starts.push_back(exposure.window.begin_us);
+  std::sort(starts.begin(), starts.end());
+  return median_step(starts);
 }
 
 std::string overlap_fault(const std::string& path, std::vector<NamedWindow> exposures) {

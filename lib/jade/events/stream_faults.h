@@ -59,7 +59,7 @@ struct DistinctEvents {
 DistinctEvents without_copies(const EventStream& events);
 
 /// Median time from the begin of an exposure to that of the next. Two or more, in any order.
-int64_t frame_period_us(std::vector<NamedWindow> exposures);
+int64_t frame_period_us(const std::vector<NamedWindow>& exposures);
 
 /// A fault of exposures that one sensor cannot have taken: some overlap the next by more than 5 %
 /// of the frame period, which rounding cannot explain. Empty otherwise.

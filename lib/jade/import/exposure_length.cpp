@@ -6,6 +6,7 @@
 #include <map>
 
 #include "jade/core/error.h"
+#include "jade/core/median.h"
 #include "jade/core/progress.h"
 #include "jade/core/readable.h"
 #include "jade/data/event_consistency.h"
@@ -178,21 +179,13 @@ std::string doubt_of(const ExposureLength& result, const LengthSearch& search, d
 
 }  // namespace
 
-int64_t frame_period_us(const std::vector<int64_t>& stamps_us) {
-  std::vector<int64_t> steps;
-  for (size_t i = 1; i < stamps_us.size(); ++i) steps.push_back(stamps_us[i] - stamps_us[i - 1]);
-  if (steps.empty()) return 0;
-  std::sort(steps.begin(), steps.end());
-  return steps[steps.size() / 2];
-}
-
 ExposureLength estimate_exposure_length(const std::vector<StampedFrame>& frames,
                                         const events::EventStream& events,
                                         std::optional<Stamp> stamp) {
   ExposureLength result;
   std::vector<int64_t> stamps_us;
   for (const StampedFrame& frame : frames) stamps_us.push_back(frame.t_us);
-  const int64_t period_us = frame_period_us(stamps_us);
+  const int64_t period_us = median_step(stamps_us);
   if (frames.size() < kFewestFrames || period_us <= 0 || events.empty()) {
     result.doubt = concat("found ", frames.size(), " frames, ", period_us, " us apart, and ",
                           events.size(), " events");

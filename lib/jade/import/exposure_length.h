@@ -33,10 +33,6 @@ struct ExposureLength {
   bool ambiguous() const { return !doubt.empty(); }
 };
 
-/// The median time between consecutive frames, µs; 0 for fewer than two frames. An upper bound of
-/// the exposure time.
-int64_t frame_period_us(const std::vector<int64_t>& stamps_us);
-
 /// Finds the length and the stamp at which the events best explain the change from each frame to
 /// the next (data::EventConsistency): the blur of a frame is the mean over its exposure of the
 /// brightness that the events imply. Tries lengths from a twentieth of the frame period to the

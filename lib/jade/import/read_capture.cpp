@@ -8,6 +8,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/log.h"
+#include "jade/core/median.h"
 #include "jade/core/readable.h"
 #include "jade/events/pixels.h"
 #include "jade/events/stream_faults.h"
@@ -140,7 +141,7 @@ void check_given_exposure(const TimeOptions& options, const Capture& capture) {
   if (given_us == 0 || std::none_of(capture.shots.begin(), capture.shots.end(), has_it)) return;
   std::vector<int64_t> starts;
   for (const Shot& shot : capture.shots) starts.push_back(shot.t_start_us);
-  const double period_ms = double(frame_period_us(starts)) / 1000;
+  const double period_ms = double(median_step(starts)) / 1000;
   if (double(options.exposure_ms) <= kLongestExposure * period_ms) return;
   throw ConfigError(concat("--exposure-ms: expected at most the ", period_ms,
                            " ms from one frame to the next, found ", double(options.exposure_ms),

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "jade/core/error.h"
+#include "jade/core/median.h"
 #include "jade/core/text.h"
 #include "jade/events/stream_faults.h"
 #include "jade/recording/contents.h"
@@ -25,9 +26,7 @@ std::string length_of(const std::vector<events::TimeWindow>& pulses) {
   std::vector<int64_t> lengths;
   lengths.reserve(pulses.size());
   for (const events::TimeWindow& pulse : pulses) lengths.push_back(pulse.duration_us());
-  const auto middle = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
-  return concat(1e-3 * double(*middle), " ms");
+  return concat(1e-3 * double(median_of(std::move(lengths))), " ms");
 }
 
 /// Counts pulses and edges of the trigger input: "3 pulses of 1 ms (3 rising, 4 falling edges)".

@@ -2,10 +2,10 @@
 // Times in the names of frames: TUM RGB-D 1305031102.175304.png in s, EuRoC 1403636579763555584.png
 // in ns.
 #include <algorithm>
-#include <cmath>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
+#include "jade/core/median.h"
 #include "jade/core/text.h"
 #include "jade/imaging/image_io.h"
 #include "jade/recording/contents.h"
@@ -17,15 +17,6 @@ using events::TimeUnit;
 
 /// Frame periods of real cameras.
 constexpr double kShortestUs = 200, kLongestUs = 2e6, kLongestOfClockUs = 6e7;
-
-double median_step(const std::vector<double>& times) {
-  std::vector<double> steps;
-  for (size_t i = 1; i < times.size(); ++i) steps.push_back(std::abs(times[i] - times[i - 1]));
-  if (steps.empty()) return 0;
-  const auto middle = steps.begin() + std::ptrdiff_t(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  return *middle;
-}
 
 /// The unit in which a time is one from 2001 to 2096, counted from 1970; no value: in none.
 std::optional<TimeUnit> unit_since_1970(double time) {
