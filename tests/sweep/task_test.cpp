@@ -64,6 +64,21 @@ TEST_CASE("run_task: the reason is of this attempt, not of one before it in the 
   CHECK(outcome.reason.empty());
 }
 
+TEST_CASE("run_task: the time of attempts that left no checkpoint does not count", "[sweep]") {
+  const Prepared sweep;
+  sweep::Outcome failed;
+  failed.attempts = 1;
+  failed.exit_code = 3;
+  failed.seconds = 1000;
+  for (const char* id : {"good/a/0", "killed/a/0"}) sweep.output.write_outcome(id, failed);
+  sweep::run_task(sweep.output, "good/a/0", sweep.options);
+  CHECK(sweep.output.outcome("good/a/0").attempts == 2);
+  CHECK(sweep.output.outcome("good/a/0").seconds < 1000);
+  sweep.dir.write("out/runs/killed/a/0/checkpoints/step_1.pt", "");
+  sweep::run_task(sweep.output, "killed/a/0", sweep.options);
+  CHECK(sweep.output.outcome("killed/a/0").seconds > 1000);
+}
+
 TEST_CASE("run_task: a run that is none, and one that another process trains", "[sweep]") {
   const Prepared sweep;
   CHECK_THROWS_NAMING(ConfigError, sweep::run_task(sweep.output, "none/a/0", sweep.options),

@@ -22,7 +22,7 @@ struct Outcome {
   int attempts = 0;
   int exit_code = -1;  ///< of the last attempt; -1: still running, or ended by a signal
   int signal = 0;      ///< that ended it
-  double seconds = 0;  ///< total of all attempts
+  double seconds = 0;  ///< total of the attempts since the run last began afresh
   int64_t peak_host_bytes = 0, peak_device_bytes = 0;
   std::string device, host;
   std::string reason;  ///< the last line of its log, if it failed

@@ -58,9 +58,13 @@ int64_t size_of(const fs::path& file) {
   return none ? 0 : static_cast<int64_t>(size);
 }
 
+/// Whether the next attempt continues the last one.
+bool resumes(const SweepOutput& output, const std::string& id) {
+  return output.outcome(id).exit_code != kDiverged && output.can_resume(id);
+}
+
 Child start(const SweepOutput& output, const std::string& id, const TaskOptions& options) {
-  const bool afresh = output.outcome(id).exit_code == kDiverged;
-  const bool resume = !afresh && output.can_resume(id);
+  const bool resume = resumes(output, id);
   if (!resume) fs::remove_all(output.run_folder(id));
   fs::create_directories(output.run_folder(id));
   std::vector<std::pair<std::string, std::string>> environment;
@@ -78,6 +82,7 @@ Outcome begun(const SweepOutput& output, const std::string& id, const TaskOption
   char host[256] = "";
   gethostname(host, sizeof host - 1);
   ++outcome.attempts;
+  if (!resumes(output, id)) outcome.seconds = 0;
   outcome.exit_code = -1;
   outcome.signal = 0;
   outcome.device = options.device;
