@@ -62,12 +62,31 @@ TEST_CASE("SweepOutput: settings of a run that was started are not changed", "[s
   // No run has started yet.
   CHECK_NOTHROW(output.write_settings(plan_of(dir, kOneRun, changed), resolve));
   output.write_outcome("full/a/0", ended(130));
+  dir.write("out/runs/full/a/0/checkpoints/step_1.pt", "");
   CHECK_NOTHROW(output.write_settings(plan_of(dir, kOneRun, changed), resolve));
   changed.overrides.push_back("device=cuda:3");
   CHECK_NOTHROW(output.write_settings(plan_of(dir, kOneRun, changed), resolve));
   CHECK_THROWS_WITH(
       output.write_settings(plan_of(dir, kOneRun), resolve),
       Catch::Contains("full/a/0: train.iterations: 11 -> 10; train.rate: 0.75 -> 0.5"));
+}
+
+TEST_CASE("SweepOutput: settings of a run that failed without a checkpoint can be corrected",
+          "[sweep]") {
+  const TempDir dir;
+  const sweep::SweepOutput output(dir / "out");
+  const std::string id = "full/a/0";
+  output.write_settings(plan_of(dir, kOneRun), resolve);
+  output.write_outcome(id, ended(5));
+  dir.write("out/runs/full/a/0/metrics.jsonl", "");
+  output.write_settings(plan_of(dir, kOneRun), resolve);
+  CHECK_FALSE(sweep::wants_attempt(output, id, false));
+  sweep::PlanOptions changed;
+  changed.overrides = {"train.rate=0.75"};
+  CHECK_NOTHROW(output.write_settings(plan_of(dir, kOneRun, changed), resolve));
+  CHECK(sweep::wants_attempt(output, id, false));
+  const auto lock = FolderLock::take(output.run_folder(id));
+  CHECK_THROWS_AS(output.check_settings(plan_of(dir, kOneRun), resolve), ConfigError);
 }
 
 TEST_CASE("SweepOutput: an outcome with strange bytes in it survives", "[sweep]") {

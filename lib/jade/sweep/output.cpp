@@ -49,7 +49,7 @@ std::string to_string(RunState state) {
 void SweepOutput::check_settings(const Plan& plan, const Resolver& resolve) const {
   std::string problems;
   for (const Run& run : plan.runs) {
-    if (state(run.id()) == RunState::kNew || !fs::exists(settings_file(run.id()))) continue;
+    if (begins_afresh(run.id()) || !fs::exists(settings_file(run.id()))) continue;
     const Resolved saved = resolve({{settings_file(run.id()), {}, {}}});
     if (!saved.conflict.empty()) throw ConfigError(saved.conflict);
     std::string keys;
@@ -69,8 +69,12 @@ void SweepOutput::check_settings(const Plan& plan, const Resolver& resolve) cons
 void SweepOutput::write_settings(const Plan& plan, const Resolver& resolve) const {
   check_settings(plan, resolve);
   for (const Run& run : plan.runs) {
-    make_writable_folder(settings_file(run.id()).parent_path());
-    write_file(settings_file(run.id()), run.settings.yaml);
+    const fs::path file = settings_file(run.id());
+    make_writable_folder(file.parent_path());
+    // A failure under other settings says nothing about these.
+    if (begins_afresh(run.id()) && fs::exists(file) && read_file(file) != run.settings.yaml)
+      fs::remove(outcome_file(run.id()));
+    write_file(file, run.settings.yaml);
   }
 }
 
@@ -143,6 +147,11 @@ bool SweepOutput::can_resume(const std::string& id) const {
     if (entry.path().extension() == ".pt") return true;
   }
   return false;
+}
+
+bool SweepOutput::begins_afresh(const std::string& id) const {
+  const RunState now = state(id);
+  return now != RunState::kRunning && now != RunState::kFinished && !can_resume(id);
 }
 
 }  // namespace jade::sweep
