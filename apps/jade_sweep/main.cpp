@@ -185,11 +185,32 @@ bool launch_slurm(const sweep::Plan& plan, const sweep::SweepOutput& output, con
   return !flags.wait && submission.submitted + submission.queued > 0;
 }
 
+/// Refuses flags that the others make useless.
+void check_flags(apps::Program& program, const Flags& flags) {
+  const auto refuse = [&](const char* flag, const char* with, const std::string& found) {
+    if (program.cli().count(flag) > 0)
+      throw ConfigError(concat(flag, ": expected ", with, ", found ", found,
+                               "; change or take out one of the two"));
+  };
+  if (flags.table) {
+    for (const char* flag : {"--launcher", "--slurm", "--wait", "--retry-failed", "--dry-run"})
+      refuse(flag, "without --table, which starts no runs", "both");
+  }
+  if (flags.dry_run) refuse("--json", "without --dry-run, which prints a list", "both");
+  if (flags.launcher == "slurm") {
+    refuse("--memory-margin", "with --launcher local", "--launcher slurm");
+  } else {
+    for (const char* flag : {"--slurm", "--wait"})
+      refuse(flag, "with --launcher slurm", "--launcher local");
+  }
+}
+
 ExitCode run(apps::Program& program, Flags& flags) {
   if (program.cli().count("--print-config") + program.cli().count("--print-schema") > 0) {
     program.load_options<train::RunOptions>();
     return ExitCode::kOk;
   }
+  check_flags(program, flags);
   if (program.output().empty())
     throw ConfigError(
         "--output: expected a folder for the sweep, found nothing; add --output runs/NAME");

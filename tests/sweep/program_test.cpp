@@ -112,3 +112,23 @@ TEST_CASE("jade_sweep: mistakes are refused before anything starts, all at once"
   CHECK_FALSE(std::filesystem::exists(dir / "out"));
   CHECK(run(dir, "--sweep sweep.yaml --output out --rows al").code == 2);
 }
+
+TEST_CASE("jade_sweep: flags that others make useless are refused", "[sweep]") {
+  const test::TempDir dir;
+  write_sweep(dir);
+  for (const auto& [flags, named] : std::vector<std::pair<std::string, std::string>>{
+           {"--slurm=--partition=gpu", "--slurm: expected with --launcher slurm"},
+           {"--wait --launcher local", "--wait: expected with --launcher slurm"},
+           {"--launcher slurm --memory-margin 2",
+            "--memory-margin: expected with --launcher local"},
+           {"--table --launcher slurm", "--launcher: expected without --table"},
+           {"--table --dry-run", "--dry-run: expected without --table"},
+           {"--dry-run --json", "--json: expected without --dry-run"}}) {
+    const Outcome outcome = run(dir, "--sweep sweep.yaml --output out " + flags);
+    INFO(flags << ": " << outcome.err);
+    CHECK(outcome.code == 2);
+    CHECK_THAT(outcome.err, Catch::Contains(named));
+    CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+  }
+  CHECK_FALSE(std::filesystem::exists(dir / "out"));
+}
