@@ -100,6 +100,23 @@ TEST_CASE("gather: averages take whole seeds only, and every gap is reported", "
   }
 }
 
+TEST_CASE("gather: runs that the flags leave out are told apart from those of other sweeps",
+          "[sweep]") {
+  const TempDir dir;
+  table_of(dir);
+  sweep::PlanOptions options;
+  options.rows = {"half"};
+  options.seeds = {1};
+  const sweep::Table table =
+      sweep::gather(plan_of(dir, kSweep, options), sweep::SweepOutput(dir / "out"));
+  std::string remarks;
+  for (const std::string& remark : table.remarks) remarks += remark + "\n";
+  INFO(remarks);
+  CHECK_THAT(remarks, Catch::Contains("--rows, --scenes, --seeds or --skip-missing leave them out: "
+                                      "full/a/0, full/a/1, "));
+  CHECK_THAT(remarks, Catch::Contains("though in its folder: gone/a/0\n"));
+}
+
 TEST_CASE("gather: a damaged file of a run is named with what to do", "[sweep]") {
   const TempDir dir;
   table_of(dir);

@@ -80,6 +80,17 @@ std::string of_row(const Row& row, const std::string& problem) {
   return problem;
 }
 
+std::set<std::string> ids_of(const Spec& spec) {
+  std::set<std::string> ids;
+  for (const Row& row : spec.rows) {
+    for (const Scene& scene : spec.scenes) {
+      for (const int64_t seed : row.seeds.empty() ? spec.seeds : row.seeds)
+        ids.insert(Run::concat_id(row.name, scene.name, seed));
+    }
+  }
+  return ids;
+}
+
 /// Schedules of the runs that were added, and whether all settings were read.
 struct Added {
   std::set<Schedule> schedules;
@@ -149,6 +160,7 @@ Plan make_plan(Spec spec, const PlanOptions& options, const Resolver& resolve) {
                           close.empty() ? "" : "; did you mean " + close + "?"));
     }
   }
+  plan.whole = ids_of(spec);
   keep_named(spec.rows, options.rows, "--rows", problems);
   keep_named(spec.scenes, options.scenes, "--scenes", problems);
   if (!options.seeds.empty()) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -63,6 +64,7 @@ struct Plan {
   Spec spec;              ///< rows and scenes as selected
   std::vector<Run> runs;  ///< sorted by seed, then scene, so that rows can be compared early
   std::vector<std::string> skipped;  ///< "ID: what is missing", with skip_missing
+  std::set<std::string> whole;       ///< ids of all runs of the sweep, selected or not
 };
 
 /// @throws ConfigError with every problem of every run, without duplicates.

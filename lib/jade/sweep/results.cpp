@@ -166,16 +166,23 @@ void gather_machines(const Plan& plan, const SweepOutput& output, Table& table) 
   }
 }
 
-/// Other sweeps may share the folder, so their runs are summarised in one line.
-void remark_strangers(const std::set<std::string>& known, const SweepOutput& output, Table& table) {
-  std::vector<std::string> others;
+/// One line for runs of the folder that the flags leave out, and one for those of other sweeps.
+void remark_others(const Plan& plan, const SweepOutput& output, Table& table) {
+  std::set<std::string> known;
+  for (const Run& run : plan.runs) known.insert(run.id());
+  std::vector<std::string> left_out, strangers;
   for (const std::string& id : output.present()) {
-    if (!known.count(id)) others.push_back(id);
+    if (!known.count(id)) (plan.whole.count(id) ? left_out : strangers).push_back(id);
   }
-  if (others.empty()) return;
+  if (!left_out.empty()) {
+    table.remarks.push_back(concat(
+        "not in the table, because --rows, --scenes, --seeds or --skip-missing leave them out: ",
+        listing(left_out, 5), "; --table without these flags writes the whole table"));
+  }
+  if (strangers.empty()) return;
   table.remarks.push_back(
       concat("not in the table, because they are no part of this sweep, though in its folder: ",
-             listing(others, 5)));
+             listing(strangers, 5)));
 }
 
 }  // namespace
@@ -237,10 +244,8 @@ Table gather(const Plan& plan, const SweepOutput& output) {
                                   [&](const Run& run) { return run.scene == scene.name; });
     if (runs) table.scenes.push_back(scene.name);
   }
-  std::set<std::string> known;
   for (const Run& run : plan.runs) {
     const std::string id = run.id();
-    known.insert(id);
     RunRow row{run.row, run.scene, run.seed, output.state(id), "", {}};
     const Outcome outcome = output.outcome(id);
     if (row.state == RunState::kFinished) {
@@ -254,7 +259,7 @@ Table gather(const Plan& plan, const SweepOutput& output) {
   remark_gaps(table);
   for (const std::string& skipped : plan.skipped)
     table.remarks.push_back(skipped + " (not run: --skip-missing)");
-  remark_strangers(known, output, table);
+  remark_others(plan, output, table);
   gather_machines(plan, output, table);
   return table;
 }
