@@ -218,11 +218,14 @@ class Runs(unittest.TestCase):
             self.expect(ValueError, "background", lambda: jade.render(run, run.cameras[0], background=background))
         pose = run.cameras[0].camera_from_world
         bad = [("camera_from_world", value) for value in (pose[:3], None, "turned", np.full((4, 4), np.nan))]
+        bad += [("camera_from_world", value) for value in (2 * pose, pose * [[1], [1], [-1], [1]], pose[[0, 1, 2, 2]])]
         bad += [("fx", value) for value in (0, -36.0, np.inf, np.nan, "36", None)] + [("cy", np.nan), ("cx", "19")]
         bad += [("height", -1)]
         for name, value in bad:
             with self.subTest(name=name, value=value):
                 self.expect(ValueError, name, lambda: jade.render(run, replace(run.cameras[0], **{name: value})))
+        for name, value in (("looks transposed", pose.T), ("determinant 8", pose @ np.diag([2, 2, 2, 1]))):
+            self.expect(ValueError, name, lambda: jade.render(run, replace(run.cameras[0], camera_from_world=value)))
         learned = replace(run.cameras[0], camera_from_world=torch.from_numpy(pose).requires_grad_())
         self.expect(NotImplementedError, "camera_from_world", lambda: jade.render(run, learned))
         self.expect(TypeError, "camera", lambda: jade.render(run, 0))

@@ -137,6 +137,18 @@ def _pose(camera: Camera) -> np.ndarray:
         raise ValueError(f"camera_from_world: expected shape (4, 4), found {pose.shape}")
     if not np.isfinite(pose).all():
         raise ValueError(f"camera_from_world: expected finite numbers, found {pose[~np.isfinite(pose)][0]}")
+    last = np.array([0.0, 0.0, 0.0, 1.0])
+    if not np.allclose(pose[3], last, rtol=0, atol=1e-4):
+        transposed = np.allclose(pose[:, 3], last, rtol=0, atol=1e-4)
+        fix = "the matrix looks transposed, pass its .T" if transposed else "correct it"
+        raise ValueError(f"camera_from_world: expected 0, 0, 0, 1 as the last row, found {pose[3].tolist()}; {fix}")
+    rotation = pose[:3, :3]
+    determinant = np.linalg.det(rotation)
+    if determinant < 0 or not np.allclose(rotation @ rotation.T, np.eye(3), rtol=0, atol=0.01):
+        raise ValueError(
+            "camera_from_world: expected a rotation in the first 3 rows and columns, found one that is scaled, mirrored or "
+            f"not perpendicular (determinant {determinant:.3g}); correct it"
+        )
     return pose
 
 
