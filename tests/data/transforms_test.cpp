@@ -381,11 +381,21 @@ TEST_CASE("transforms: names that differ by capitals or their ending are reporte
   CHECK(test::mentions(ending.warnings, "images/f3.bmp"));
 }
 
-TEST_CASE("transforms: a frame that is listed twice is refused by name", "[data]") {
+TEST_CASE("transforms: a frame that is listed twice is used once, with a warning", "[data]") {
   Room room;
   room.put("transforms.json", "",
            frames_json("images/f", ".png", 5) + "," + frames_json("./images/f", "", 2));
-  CHECK_THROWS_NAMING(DataError, room.load(), "transforms.json", "images/f0", "listed twice");
+  CHECK(room.load().train.size() + room.load().test.size() == 5);
+  CHECK(test::mentions(room.warnings, "2 frames are listed twice: ./images/f0, ./images/f1"));
+}
+
+TEST_CASE("transforms: an image with two poses is refused by name", "[data]") {
+  Room room;
+  std::string other = frames_json("./images/f", "", 1);
+  other.replace(other.rfind("0,0,0,1"), 7, "0,0,0,1.00001");
+  room.put("transforms.json", "", frames_json("images/f", ".png", 5) + "," + other);
+  CHECK_THROWS_NAMING(DataError, room.load(), "transforms.json", "./images/f0", "listed twice",
+                      "images/f0.png", "other values");
 }
 
 TEST_CASE("transforms: ply_file_path gives the points", "[data]") {

@@ -89,18 +89,42 @@ void tell_missing(const fs::path& path, const NamedFiles& files, size_t frames,
   warnings.add(what, "; they are left out", near);
 }
 
-/// @throws DataError for an image that two frames of a file name.
-void check_listed_once(const fs::path& path, const std::vector<ListedView>& views) {
-  std::map<fs::path, const ListedView*> known;
-  for (const ListedView& view : views) {
-    const auto [at, added] = known.emplace(view.path, &view);
-    if (added) continue;
-    throw DataError(concat(path.string(), ": expected one frame for each image, found ", view.given,
-                           " listed twice", view.given == at->second->given ? "" : ", also as ",
-                           view.given == at->second->given ? "" : at->second->given,
-                           "; remove one of the two"));
+/// The frames that have named an image so far.
+class Listed {
+ public:
+  explicit Listed(const fs::path& path) : path_(path) {}
+
+  /// Whether an earlier frame has the same image and all the same values.
+  /// @throws DataError for one with other values.
+  bool repeats(const json& frame, const ListedView& view) {
+    json values = frame;
+    values.erase("file_path");
+    const auto [at, added] = known_.emplace(view.path, std::pair{view.given, values});
+    if (added) return false;
+    const auto& [given, before] = at->second;
+    if (before != values) {
+      throw DataError(concat(path_.string(), ": expected one frame for each image, found ",
+                             view.given, " listed twice", view.given == given ? "" : ", also as ",
+                             view.given == given ? "" : given,
+                             ", with other values; remove one of the two"));
+    }
+    repeated_.push_back(view.given);
+    return true;
   }
-}
+
+  size_t repeated() const { return repeated_.size(); }
+
+  void tell(const Warnings& warnings) const {
+    if (repeated_.empty()) return;
+    warnings.add(path_.string(), ": ", repeated_.size(),
+                 " frames are listed twice: ", listing(repeated_, 3), "; they are used once");
+  }
+
+ private:
+  const fs::path& path_;
+  std::map<fs::path, std::pair<std::string, json>> known_;
+  std::vector<std::string> repeated_;
+};
 
 /// Warns of a camera model without a lens that has lens coefficients.
 void tell_contradicting_models(const fs::path& path, size_t count, const std::string& model,
@@ -171,12 +195,14 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
   if (!image_folder.empty()) find_image_folder(path.parent_path(), image_folder);
   size_t contradicting = 0, zero_centres = 0, fractional_centres = 0;
   std::string contradicting_model;
+  Listed listed(path);
   for (const json& frame : root["frames"]) {
-    const std::string where = concat(path.string(), " frame ", views.size() + files.missing.size());
+    const std::string where =
+        concat(path.string(), " frame ", views.size() + files.missing.size() + listed.repeated());
     ListedView view;
     view.given = file_path_of(frame, where);
     view.path = files.find_image(view.given);
-    if (view.path.empty()) continue;
+    if (view.path.empty() || listed.repeats(frame, view)) continue;
     view.mask = mask_of(path.parent_path(), image_folder, frame, where);
     view.camera = camera_of_frame(root, frame, where);
     if (gives_zero(root, frame, "cx") || gives_zero(root, frame, "cy")) ++zero_centres;
@@ -206,7 +232,7 @@ TransformsFile read_transforms(const fs::path& path, const std::string& image_fo
     }
     views.push_back(std::move(view));
   }
-  check_listed_once(path, views);
+  listed.tell(warnings);
   tell_contradicting_models(path, contradicting, contradicting_model, warnings);
   tell_zero_centres(path, zero_centres, warnings);
   tell_fractional_centres(path, fractional_centres, warnings);
