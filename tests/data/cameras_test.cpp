@@ -78,6 +78,35 @@ TEST_CASE("cameras: values that a render would ignore are refused", "[data]") {
                       "position");
 }
 
+TEST_CASE("cameras: a lens, numbers too many and values of another kind are refused by key",
+          "[data]") {
+  const test::TempDir dir;
+  const auto read = [&](const std::string& entry) {
+    return read_cameras(dir.write("own.json", "[{" + entry + "}]"));
+  };
+  const std::string size = R"("width":4,"height":3,"fx":5,)";
+  const std::string pose = R"("camera_from_world":[[1,0,0,0],[0,1,0,0],[0,0,1,0]])";
+  CHECK(read(size + pose + R"(,"camera_model":"pinhole","is_fisheye":false,"model":null)").size() ==
+        1);
+  for (const char* key : {"camera_model", "model", "camera_type"}) {
+    CHECK_THROWS_NAMING(DataError, read(concat(size, pose, ",\"", key, "\":\"OPENCV_FISHEYE\"")),
+                        "own.json", key, "OPENCV_FISHEYE");
+  }
+  CHECK_THROWS_NAMING(DataError, read(size + pose + R"(,"is_fisheye":true)"), "is_fisheye");
+  CHECK_THROWS_NAMING(DataError, read(R"("width":"240","height":3,"fx":5,)" + pose),
+                      "\"width\" to be a number", "\"240\"");
+  CHECK_THROWS_NAMING(DataError, read(size + pose + R"(,"cx":null)"), "\"cx\"", "null");
+  CHECK_THROWS_NAMING(DataError, read(size + pose + R"(,"name":7)"), "\"name\"", "7");
+  const std::string axes = R"("rotation":[[1,0,0],[0,1,0],[0,0,1]])";
+  CHECK_THROWS_NAMING(DataError, read(size + axes + R"(,"position":[0,0,1,9])"),
+                      "\"position\" to be 3 numbers", "[0,0,1,9]");
+  for (const char* rows :
+       {"[[1,0,0,5],[0,1,0,5],[0,0,1,5]]", "[[1,0,0],[0,1,0],[0,0,1],[0,0,0]]", "[[1,0],[0,1]]"}) {
+    CHECK_THROWS_NAMING(DataError, read(concat(size, R"("position":[0,0,1],"rotation":)", rows)),
+                        "\"rotation\" to be 3x3 numbers", rows);
+  }
+}
+
 TEST_CASE("cameras: files that are no list of cameras are reported in plain words", "[data]") {
   const test::TempDir dir;
   const auto told = [&](const std::string& text) -> std::string {

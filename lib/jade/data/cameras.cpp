@@ -2,6 +2,8 @@
 #include "jade/data/cameras.h"
 
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <unordered_set>
@@ -22,32 +24,58 @@ const json* value_of(const json& entry, const json& defaults, const std::string&
   return nullptr;
 }
 
-template <class T>
-T required(const json& entry, const json& defaults, const std::string& key) {
+DataError unlike(const char* key, const char* expected, const json& found) {
+  return DataError(concat("expected \"", key, "\" to be ", expected, ", found ",
+                          found.dump(-1, ' ', false, json::error_handler_t::replace).substr(0, 40),
+                          "; correct it"));
+}
+
+double required(const json& entry, const json& defaults, const char* key) {
   const json* value = value_of(entry, defaults, key);
   if (value == nullptr) throw DataError(concat("expected the key \"", key, "\""));
-  return value->get<T>();
+  if (!value->is_number()) throw unlike(key, "a number", *value);
+  return value->get<double>();
 }
 
 /// A whole number of pixels.
 int64_t required_pixels(const json& entry, const json& defaults, const char* key) {
-  const auto value = required<double>(entry, defaults, key);
+  const double value = required(entry, defaults, key);
   if (value == std::floor(value) && std::abs(value) < 1e9) return static_cast<int64_t>(value);
   throw DataError(concat("expected \"", key, "\" to be a whole number of pixels, found ", value));
 }
 
 /// Views are rendered with a pinhole camera.
 void check_undistorted(const json& entry, const json& defaults) {
-  for (const char* key : {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "distortion"}) {
+  for (const char* key : {"camera_model", "model", "camera_type"}) {
+    const json* value = value_of(entry, defaults, key);
+    if (value == nullptr || value->is_null()) continue;
+    std::string model = value->is_string() ? value->get<std::string>() : value->dump();
+    std::transform(model.begin(), model.end(), model.begin(),
+                   [](unsigned char letter) { return char(std::toupper(letter)); });
+    if (model == "PINHOLE" || model == "SIMPLE_PINHOLE" || model == "PERSPECTIVE") continue;
+    throw DataError(concat("expected \"", key, "\" to be PINHOLE, found ", model,
+                           "; remove it to render as a pinhole camera"));
+  }
+  for (const char* key : {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "distortion",
+                          "distortion_params", "is_fisheye"}) {
     const json* value = value_of(entry, defaults, key);
     if (value == nullptr) continue;
     const bool zero = value->is_array() ? std::all_of(value->begin(), value->end(),
                                                       [](const json& each) { return each == 0; })
-                                        : value->is_null() || *value == 0;
+                                        : value->is_null() || *value == 0 || *value == false;
     if (zero) continue;
     throw DataError(concat("expected a camera without distortion, found \"", key,
                            "\"; remove it to render as a pinhole camera"));
   }
+}
+
+std::array<double, 3> three_numbers(const char* key, const char* expected, const json& whole,
+                                    const json& part) {
+  const bool numbers =
+      part.is_array() && part.size() == 3 &&
+      std::all_of(part.begin(), part.end(), [](const json& each) { return each.is_number(); });
+  if (!numbers) throw unlike(key, expected, whole);
+  return part.get<std::array<double, 3>>();
 }
 
 geometry::Pose pose_of(const json& entry) {
@@ -65,15 +93,17 @@ geometry::Pose pose_of(const json& entry) {
   if (!entry.contains("position") || !entry.contains("rotation")) {
     throw DataError("expected \"camera_from_world\", or \"position\" with \"rotation\"");
   }
-  const auto rows = entry.at("rotation").get<std::vector<std::vector<double>>>();
-  const auto position = entry.at("position").get<std::vector<double>>();
+  const json& rows = entry.at("rotation");
+  const json& position = entry.at("position");
+  if (!rows.is_array() || rows.size() != 3) throw unlike("rotation", "3x3 numbers", rows);
   geometry::Matrix3 rotation;
-  for (size_t r = 0; r < 3; ++r) {
-    for (size_t c = 0; c < 3; ++c) rotation[3 * r + c] = rows.at(c).at(r);
+  for (size_t c = 0; c < 3; ++c) {
+    const auto row = three_numbers("rotation", "3x3 numbers", rows, rows[c]);
+    for (size_t r = 0; r < 3; ++r) rotation[3 * r + c] = row[r];
   }
   return geometry::pose_at_centre(
       rotation_near(rotation, "expected \"rotation\" to be 3x3, world from camera"),
-      {position.at(0), position.at(1), position.at(2)});
+      three_numbers("position", "3 numbers", position, position));
 }
 
 NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
@@ -82,10 +112,9 @@ NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
   check_undistorted(entry, defaults);
   camera.width = required_pixels(entry, defaults, "width");
   camera.height = required_pixels(entry, defaults, "height");
-  camera.fx = required<double>(entry, defaults, "fx");
+  camera.fx = required(entry, defaults, "fx");
   const auto optional = [&](const char* key, double fallback) {
-    const json* value = value_of(entry, defaults, key);
-    return value == nullptr ? fallback : value->get<double>();
+    return value_of(entry, defaults, key) == nullptr ? fallback : required(entry, defaults, key);
   };
   camera.fy = optional("fy", camera.fx);
   camera.cx = optional("cx", static_cast<double>(camera.width) / 2);
@@ -95,7 +124,12 @@ NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
     throw DataError("expected positive width, height (up to 32767), fx and fy");
   }
   result.camera_from_world = pose_of(entry);
-  result.name = entry.value("name", entry.value("img_name", std::to_string(index)));
+  result.name = std::to_string(index);
+  for (const char* key : {"img_name", "name"}) {
+    if (!entry.contains(key)) continue;
+    if (!entry.at(key).is_string()) throw unlike(key, "a text", entry.at(key));
+    result.name = entry.at(key).get<std::string>();
+  }
   if (result.name.empty() || result.name.find('/') != std::string::npos) {
     throw DataError(concat("expected a name that is a plain file name, found '", result.name, "'"));
   }
@@ -154,8 +188,6 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
     }
   } catch (const json::exception& problem) {
     throw DataError(concat(path.string(), ": entry ", index, ": ", words_of(problem)));
-  } catch (const std::out_of_range&) {
-    throw DataError(concat(path.string(), ": entry ", index, ": a row of its pose is too short"));
   } catch (const DataError& problem) {
     const std::string text = problem.what();
     if (text.find(path.string()) == 0) throw;
