@@ -14,6 +14,7 @@
 #include "jade/core/log.h"
 #include "jade/core/random.h"
 #include "jade/data/dataset.h"
+#include "jade/imaging/image_io.h"
 #include "jade/run/checkpoint.h"
 #include "jade/run/evaluate.h"
 #include "jade/run/learned_cameras.h"
@@ -69,6 +70,27 @@ TEST_CASE(
                     Catch::Contains("objective.restored_poses: nine -> middle"));
   run::Trainer(options, scene.dir.path() / "middle", "").run();
   CHECK(all != read_file(scene.dir.path() / "middle" / "point_cloud.ply"));
+}
+
+TEST_CASE("trainer: target images are compared by content on resume, not by their folder",
+          "[run]") {
+  const Scene scene;
+  const auto images = [&](const char* folder, double value) {
+    for (const char* name : {"00.png", "01.png", "02.png"}) {
+      imaging::write_image(scene.dir / folder / name, torch::full({3, 28, 36}, value));
+    }
+    return scene.dir / folder;
+  };
+  train::RunOptions options = tiny_options(scene);
+  options.objective.target = losses::Target::kImageFolder;
+  options.train.target_images = images("targets", 0.5);
+  options.train.iterations = options.train.calendar = 2;
+  run::Trainer(options, scene.dir / "run", "").run();
+  options.train.target_images = images("moved", 0.5);
+  CHECK_NOTHROW(run::Trainer(options, scene.dir / "run", "latest"));
+  options.train.target_images = images("other", 0.25);
+  CHECK_THROWS_NAMING(CheckpointError, run::Trainer(options, scene.dir / "run", "latest"),
+                      "other data", "train.target_images");
 }
 
 TEST_CASE("trainer: a resumed run keeps the calendar it began with, whatever its new budget",

@@ -298,7 +298,7 @@ std::string digest_of(const data::Exposure& exposure) {
 
 }  // namespace
 
-std::string data_fingerprint(const data::Dataset& dataset) {
+std::string data_fingerprint(const data::Dataset& dataset, const std::string& more) {
   const std::vector<data::Exposure>& train = dataset.train;
   std::vector<std::string> parts(train.size());
   at::parallel_for(0, int64_t(train.size()), 1, [&](int64_t begin, int64_t end) {
@@ -308,6 +308,7 @@ std::string data_fingerprint(const data::Dataset& dataset) {
   // Gray frames can also train a colour scene, with other restorations.
   if (dataset.monochrome) digest.update("monochrome;");
   for (const std::string& part : parts) digest.update(part);
+  digest.update(more);
   return digest.hex();
 }
 

@@ -86,6 +86,7 @@ void load_checkpoint_allocation(const std::filesystem::path& path, router::Alloc
 void load_checkpoint_poses(const std::filesystem::path& path, train::ExposurePoses& poses);
 
 /// SHA-256 over the training exposures: names, times, poses, intrinsics, pixels and events.
-std::string data_fingerprint(const data::Dataset& dataset);
+/// @param more  other data that a run trains on, or their digest
+std::string data_fingerprint(const data::Dataset& dataset, const std::string& more = "");
 
 }  // namespace jade::run

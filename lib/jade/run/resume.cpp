@@ -68,9 +68,9 @@ void check_settings(const fs::path& checkpoint, train::RunOptions saved, train::
   // contents of the paths are compared instead.
   static const std::vector<std::string> free_keys = {
       "train.iterations", "train.log_every", "train.evaluate_every", "train.picture_every",
-      "checkpoint.every", "device",          "memory_gib",           "dataset.path",
+      "checkpoint.every", "device",          "train.target_images",  "dataset.path",
       "efnet.path",       "cache.enabled",   "cache.folder",         "poses.test_fit_steps",
-      "init.ply"};
+      "init.ply",         "memory_gib"};
   train::settle(now);
   const FieldList saved_fields = fields_of(saved), now_fields = fields_of(now);
   const auto before = config::values(saved_fields), after = config::values(now_fields);
@@ -104,7 +104,7 @@ void check_inputs(const fs::path& checkpoint, const CheckpointInfo& info, const 
     throw CheckpointError(concat(
         checkpoint.string(), ": made from other data than ", data.dataset.root.string(),
         "; check dataset.path, dataset.color and whether its frames, cameras, events, masks, "
-        "gains.csv or held_out.txt changed"));
+        "gains.csv or held_out.txt changed, or the images of train.target_images"));
   }
   if (!data.restorer_sha256.empty() && info.restorer_sha256 != data.restorer_sha256) {
     throw CheckpointError(concat(checkpoint.string(), ": expected the restorer with SHA-256 ",

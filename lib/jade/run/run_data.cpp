@@ -50,7 +50,8 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
     throw DataError(concat(data.dataset.root.string(),
                            ": expected at least one training exposure, found none"));
   }
-  data.fingerprint = data_fingerprint(data.dataset);
+  data.fingerprint =
+      data_fingerprint(data.dataset, train::target_images_sha256(data.dataset, options));
   return data;
 }
 

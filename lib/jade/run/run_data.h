@@ -15,7 +15,7 @@ namespace jade::run {
 /// Training data of a run.
 struct RunData {
   data::Dataset dataset;
-  std::string fingerprint;                  ///< of the data set, see data_fingerprint()
+  std::string fingerprint;                  ///< of all training data, see data_fingerprint()
   std::string restorer_sha256;              ///< empty if no restorer is needed
   std::future<restore::Restorer> restorer;  ///< being loaded, if it runs on a GPU
   std::future<void> kernels;                ///< being loaded, if the device is a GPU

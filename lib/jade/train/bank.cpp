@@ -8,6 +8,7 @@
 
 #include "jade/core/check.h"
 #include "jade/core/device.h"
+#include "jade/core/digest.h"
 #include "jade/core/interrupt.h"
 #include "jade/core/progress.h"
 #include "jade/events/voxel.h"
@@ -79,19 +80,24 @@ torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
   return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
 }
 
-/// The image of train.target_images that has the exposure's name.
-torch::Tensor target_image(const data::Exposure& exposure, const std::filesystem::path& folder) {
+/// The file in train.target_images that has the exposure's name.
+std::filesystem::path target_path(const data::Exposure& exposure,
+                                  const std::filesystem::path& folder) {
   for (const auto& path : imaging::list_images(folder)) {
-    if (path.stem() != exposure.name) continue;
-    const auto image = imaging::read_image(path);
-    if (image.sizes() != exposure.blurry.sizes()) {
-      throw DataError(concat(path.string(), ": expected ", shape_string(exposure.blurry),
-                             " as the training frame, found ", shape_string(image)));
-    }
-    return image;
+    if (path.stem() == exposure.name) return path;
   }
   throw DataError(
       concat(folder.string(), ": expected an image named ", exposure.name, ", found none"));
+}
+
+torch::Tensor target_image(const data::Exposure& exposure, const std::filesystem::path& folder) {
+  const std::filesystem::path path = target_path(exposure, folder);
+  const auto image = imaging::read_image(path);
+  if (image.sizes() != exposure.blurry.sizes()) {
+    throw DataError(concat(path.string(), ": expected ", shape_string(exposure.blurry),
+                           " as the training frame, found ", shape_string(image)));
+  }
+  return image;
 }
 
 /// The target of Eq. (9) if it consists of the restorations and no router is used; else undefined.
@@ -358,6 +364,15 @@ ConstantBytes ViewBank::bytes_on_device() const {
                       sum({&fixed_targets_, &efnet_, &psi_, &reblur_kernel_, &middle_edi_,
                            &middle_efnet_, &middle_reblur_kernel_})};
   return bytes;
+}
+
+std::string target_images_sha256(const data::Dataset& dataset, const RunOptions& options) {
+  if (options.objective.target != losses::Target::kImageFolder) return "";
+  Sha256 digest;
+  for (const data::Exposure& exposure : dataset.train) {
+    digest.update(file_sha256(target_path(exposure, options.train.target_images)));
+  }
+  return digest.hex();
 }
 
 std::string restorer_sha256(const RunOptions& options) {

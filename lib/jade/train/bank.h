@@ -107,6 +107,11 @@ class ViewBank {
   torch::Tensor u_, weights_;                // [K], as in View
 };
 
+/// SHA-256 of the images of train.target_images for the training exposures; empty if
+/// objective.target is another.
+/// @throws DataError if an exposure has no image.
+std::string target_images_sha256(const data::Dataset& dataset, const RunOptions& options);
+
 /// SHA-256 of the restorer's file; empty if the options need none.
 /// @throws ConfigError if EFNet is needed and not named; DataError if its file cannot be read.
 std::string restorer_sha256(const RunOptions& options);
