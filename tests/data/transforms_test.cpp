@@ -173,7 +173,10 @@ TEST_CASE("transforms: frames are undistorted by the file's lens or their own", 
     options.split = SplitKind::kNone;
     return load_dataset(options);
   };
-  const auto is_straight = [](const Dataset& data) { return !data.notes.empty(); };
+  const auto is_straight = [](const Dataset& data) {
+    CHECK(data.undistorted == !data.notes.empty());
+    return data.undistorted;
+  };
   CHECK_FALSE(is_straight(load("\"fl_x\":15,", "")));
   CHECK(is_straight(load("\"fl_x\":15,", "\"k1\":-0.3,")));
   CHECK(is_straight(load("\"fl_x\":15,\"k1\":-0.3,\"k2\":null,", "")));

@@ -439,6 +439,7 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
   }
   if (!scaled.empty()) data.notes.push_back(scaled);
   undistorter.tell(warnings, data.notes);
+  data.undistorted = undistorter.has_undistorted();
   set_points(model, data);
   const DepthBounds bounds = depth_bounds(data.points, poses);
   data.near = bounds.near;

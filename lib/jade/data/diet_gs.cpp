@@ -137,6 +137,7 @@ void add_exposures(const NamedViews& views, const io::ColmapModel& model,
     data.test.push_back(std::move(view));
   }
   undistorter.tell(warnings, data.notes);
+  data.undistorted = undistorter.has_undistorted();
 }
 
 }  // namespace

@@ -69,6 +69,7 @@ struct Dataset {
   std::filesystem::path root;
   bool monochrome =
       false;  ///< R = G = B in every frame, blurry or sharp; the channels are then bit-equal
+  bool undistorted = false;     ///< frames of a lens were undistorted on loading
   std::vector<Exposure> train;  ///< sorted by time if there are times, else by name
   std::vector<SharpView> test;
   /// Exposures that held_out.txt names. Training never sees them; renders blurred along their poses

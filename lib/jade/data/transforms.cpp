@@ -145,6 +145,7 @@ Dataset load_transforms(const DatasetOptions& options, const Warnings& warnings)
   doubtful.tell(listing.main.path, warnings);
   if (!scaled.empty()) data.notes.push_back(scaled);
   undistorter.tell(warnings, data.notes);
+  data.undistorted = undistorter.has_undistorted();
   read_points(listing.main, data, warnings);
   tell_unnamed(options.path, options.image_folder, paths, warnings);
   tell_unused(options.path, listing, warnings);

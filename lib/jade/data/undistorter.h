@@ -50,6 +50,9 @@ class Undistorter {
   geometry::Intrinsics undistort(const geometry::LensCamera& camera, const std::string& what,
                                  torch::Tensor& image, torch::Tensor& mask);
 
+  /// Whether it has changed an image.
+  bool has_undistorted() const { return !undistorted_.empty(); }
+
   /// Adds ignored parts to the warnings, and changes to the notes.
   void tell(const Warnings& warnings, std::vector<std::string>& notes) const;
 

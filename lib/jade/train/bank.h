@@ -109,7 +109,8 @@ class ViewBank {
 
 /// SHA-256 of the images of train.target_images for the training exposures; empty if
 /// objective.target is another.
-/// @throws DataError if an exposure has no image.
+/// @throws DataError if an exposure has no image, or if the frames were undistorted, which these
+///   images are not.
 std::string target_images_sha256(const data::Dataset& dataset, const RunOptions& options);
 
 /// SHA-256 of the restorer's file; empty if the options need none.
