@@ -25,6 +25,11 @@ std::string words_text() {
   return text;
 }
 
+/// Flags of the data set, except for --mask.
+inline constexpr const char* kDatasetFlags[] = {"--dataset",      "--kind",        "--split",
+                                                "--image-folder", "--events-file", "--events-unit",
+                                                "--time-unit"};
+
 /// Adds --config, --set and related flags, and flags for keys of the data set.
 /// @param path  the flag, or positional argument, that names its folder
 inline void add_dataset_flags(Program& program, const std::string& path = "--dataset",

@@ -40,6 +40,22 @@ void check_own_settings(const fs::path& run, const fs::path& folder,
              "'; choose a folder for the other scores"));
 }
 
+/// @throws ConfigError if the command line has a setting that folders of images do not need.
+void check_no_run_settings(apps::Program& program) {
+  const auto refuse = [](const std::string& what) {
+    throw ConfigError(concat(what,
+                             ": expected with --run, found --renders and --truth, which need "
+                             "no data set; take it out"));
+  };
+  for (const char* flag : apps::kDatasetFlags) {
+    if (program.cli().count(flag) > 0) refuse(flag);
+  }
+  for (const std::string& set : program.overrides()) {
+    const std::string key = set.substr(0, set.find('='));
+    if (key != "device" && key != "dataset.mask") refuse("--set " + key);
+  }
+}
+
 eval::Evaluation evaluate_run(const fs::path& path, const train::RunOptions& options,
                               torch::Device device, const eval::Lpips& lpips) {
   const run::FinishedRun run = run::open_run(path, options);
@@ -87,13 +103,7 @@ int main(int argc, char** argv) {
                                : renders.empty()                               ? "no --renders"
                                                                                : "no --truth"));
     }
-    for (const char* flag : {"--dataset", "--kind", "--split", "--image-folder", "--events-file",
-                             "--events-unit", "--time-unit"}) {
-      if (!folders || program.cli().count(flag) == 0) continue;
-      throw ConfigError(concat(flag,
-                               ": expected with --run, found --renders and --truth, which "
-                               "need no data set; take it out"));
-    }
+    if (folders) check_no_run_settings(program);
     if (program.output().extension() == ".json") {
       throw ConfigError(
           concat("--output: expected a folder, into which eval.json is written, found ",

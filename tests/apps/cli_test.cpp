@@ -368,6 +368,18 @@ TEST_CASE("jade_train: the data set is no folder for a run, nor is one whose ima
               "--output");
 }
 
+TEST_CASE("jade_eval: settings that folders of images do not need are refused", "[apps]") {
+  const test::TempDir dir;
+  const std::string eval = "jade_eval --renders a --truth b ";
+  for (const char* setting : {"--dataset c", "--set dataset.path=c", "--set dataset.split=last",
+                              "--set splat.near_plane=1"}) {
+    check_error(run(dir, eval + setting), 2, std::string(setting).substr(0, 9),
+                ": expected with --run", "take it out");
+  }
+  // The folders are looked for only after the settings.
+  check_error(run(dir, eval + "--set device=cpu --set dataset.mask=m.png"), 3, "a");
+}
+
 TEST_CASE("jade_eval: --output is a folder", "[apps]") {
   const test::TempDir dir;
   check_error(run(dir, "jade_eval --renders a --truth b --output scores.json"), 2, "--output",
