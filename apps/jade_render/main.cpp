@@ -136,13 +136,32 @@ data::Dataset load_data(const RenderFlags& flags, const train::RunOptions& optio
   return dataset;
 }
 
+bool has_camera_file(const RenderFlags& flags) {
+  return fs::path(flags.cameras).extension() == ".json";
+}
+
+/// Whether the frames of the data set choose the brightness of a film.
+bool needs_brightness(const RenderFlags& flags) {
+  return flags.format == "mp4" && !flags.fps_benchmark && !flags.brightness;
+}
+
 /// Sets flags.brightness for a film of a dark recording.
 std::vector<data::NamedCamera> load_cameras(RenderFlags& flags, const train::RunOptions& options,
                                             const geometry::Vector3& origin) {
-  if (fs::path(flags.cameras).extension() == ".json") {
+  if (has_camera_file(flags)) {
     std::vector<data::NamedCamera> cameras = data::read_cameras(flags.cameras);
     for (data::NamedCamera& camera : cameras) {
       camera.camera_from_world = geometry::with_origin(camera.camera_from_world, origin);
+    }
+    if (!needs_brightness(flags) || options.dataset.path.empty()) return cameras;
+    try {
+      const data::Dataset dataset = load_data(flags, options, "--cameras " + flags.cameras, origin);
+      flags.brightness = run::display_brightness(dataset);
+    } catch (const DataError& error) {
+      if (flags.run.empty()) throw;
+      // The data of a run may be gone, and the cameras do not need them.
+      log_warn(concat("the film is as bright as the scene, because its data set cannot be read (",
+                      error.what(), "); name it with --dataset, or set --brightness"));
     }
     return cameras;
   }

@@ -143,6 +143,33 @@ TEST_CASE("jade_render: films of dark frames are brightened, images keep their v
               "--format mp4");
 }
 
+TEST_CASE("jade_render: films along a file of cameras are as bright as those of the data set",
+          "[apps]") {
+  const TrainedScene scene;
+  for (const char* name : {"00.png", "01.png", "02.png"}) {
+    const fs::path path = scene.dir / "scene/images_1" / name;
+    imaging::write_image(path, 0.2 * imaging::read_image(path));
+  }
+  scene.dir.write("path.json",
+                  R"([{"width":36,"height":28,"fx":40,"position":[0,0,0],
+                       "rotation":[[1,0,0],[0,1,0],[0,0,1]]}])");
+  const auto film = [&](const std::string& flags) {
+    const Outcome outcome = scene.render_with(
+        "/bin/cat > \"$out\"", "--cameras path.json --format mp4 --output film.mp4 " + flags);
+    INFO(outcome.err);
+    REQUIRE(outcome.code == 0);
+    return std::pair{read_file(scene.dir / "film.mp4"), outcome.err};
+  };
+  const std::string plain = film("--brightness 1").first;
+  CHECK(film("").first != plain);
+  // The film does not need the data.
+  fs::rename(scene.dir / "scene", scene.dir / "moved");
+  const auto [bytes, told] = film("");
+  CHECK(bytes == plain);
+  CHECK_THAT(told, test::naming("scene", "--dataset", "--brightness"));
+  CHECK(film("--dataset moved").first != plain);
+}
+
 TEST_CASE("jade_render: the poses of an exposure that is held out", "[apps]") {
   const TrainedScene scene;
   scene.dir.write("scene/held_out.txt", "01\n");
