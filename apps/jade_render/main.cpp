@@ -372,6 +372,21 @@ void check_flags(const RenderFlags& flags, apps::Program& program) {
                     " does not change the renders, which show all pixels of the scene in its "
                     "colours; it changes the blurry frame of --unblur"));
   }
+  if (flags.unblur.empty() && has_camera_file(flags) && !needs_brightness(flags)) {
+    const auto refuse = [&](const std::string& what) {
+      throw ConfigError(concat(what, ": expected with views of a data set, found --cameras ",
+                               flags.cameras, ", which needs none; take it out"));
+    };
+    for (const char* flag : apps::kDatasetFlags) {
+      if (program.cli().count(flag) > 0) refuse(flag);
+    }
+    for (const std::string& set : program.overrides()) {
+      const std::string key = set.substr(0, set.find('='));
+      // These two have a warning.
+      if (key.rfind("dataset.", 0) == 0 && key != "dataset.mask" && key != "dataset.color")
+        refuse("--set " + key);
+    }
+  }
   if (flags.depth && (film || flags.fps_benchmark)) {
     throw ConfigError(concat("--depth: expected with images, found ",
                              film ? "--format mp4" : "--fps-benchmark", "; take one of them out"));

@@ -297,6 +297,13 @@ TEST_CASE("jade_render: what renders would ignore is refused or named", "[apps]"
     CHECK_THAT(run(dir, render + setting).err,
                test::naming("does not change the renders", "--unblur"));
   }
+  const std::string path = "jade_render --ply a.ply --output b --cameras c.json ";
+  for (const char* setting :
+       {"--dataset d", "--kind colmap", "--split last", "--set dataset.path=d"}) {
+    check_error(run(dir, path + setting), 2, std::string(setting).substr(0, 6),
+                ": expected with views of a data set", "c.json", "take it out");
+  }
+  check_error(run(dir, path + "--dataset c --brightness 2 --format mp4"), 2, "--dataset");
 }
 
 TEST_CASE("jade_render: without ffmpeg one line says how to get it, before anything is read",
