@@ -88,6 +88,7 @@ TEST_CASE("cameras: a lens, numbers too many and values of another kind are refu
   const std::string pose = R"("camera_from_world":[[1,0,0,0],[0,1,0,0],[0,0,1,0]])";
   CHECK(read(size + pose + R"(,"camera_model":"pinhole","is_fisheye":false,"model":null)").size() ==
         1);
+  CHECK(read(size + pose + R"(,"camera_model":"OPENCV","k1":0)").size() == 1);
   for (const char* key : {"camera_model", "model", "camera_type"}) {
     CHECK_THROWS_NAMING(DataError, read(concat(size, pose, ",\"", key, "\":\"OPENCV_FISHEYE\"")),
                         "own.json", key, "OPENCV_FISHEYE");

@@ -779,7 +779,7 @@ TEST_CASE("event files: an unusual unit that the exposures suggest is doubted", 
     std::vector<int8_t> p;
     for (int64_t i = 0; i < 80000; ++i) t.push_back(first_us + 7 * i), p.push_back(int8_t(i % 2));
     write_h5<float, int64_t>(dir / "a.h5", place, place, t, p);
-    return read_events(dir / "a.h5", {TimeUnit::kAuto, exposures, {}});
+    return read_events(dir / "a.h5", {TimeUnit::kAuto, exposures});
   };
   CHECK(read(9, {0, 560000}).time_unit == TimeUnit::kUs);
   // Exposures in ms: in ns the events fit them, but come faster than a sensor sends them.

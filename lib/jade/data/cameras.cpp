@@ -52,7 +52,10 @@ void check_undistorted(const json& entry, const json& defaults) {
     std::string model = value->is_string() ? value->get<std::string>() : value->dump();
     std::transform(model.begin(), model.end(), model.begin(),
                    [](unsigned char letter) { return char(std::toupper(letter)); });
-    if (model == "PINHOLE" || model == "SIMPLE_PINHOLE" || model == "PERSPECTIVE") continue;
+    // Those with radial coefficients, which are checked below, are pinholes without them.
+    const std::array pinholes{"PINHOLE",       "SIMPLE_PINHOLE", "PERSPECTIVE", "OPENCV",
+                              "SIMPLE_RADIAL", "RADIAL",         "FULL_OPENCV"};
+    if (std::find(pinholes.begin(), pinholes.end(), model) != pinholes.end()) continue;
     throw DataError(concat("expected \"", key, "\" to be PINHOLE, found ", model,
                            "; remove it to render as a pinhole camera"));
   }

@@ -25,6 +25,7 @@
 #include "jade/import/structure_from_motion.h"
 #include "jade/import/undistortion.h"
 #include "jade/import/vignetting.h"
+#include "jade/recording/recording.h"
 
 namespace jade::import {
 namespace {

@@ -45,6 +45,12 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
     const Progress progress("reading", 1, 0, "data sets");
     data.dataset = data::load_dataset(options.dataset, &warnings);
   }
+  if (data.dataset.undistorted && options.objective.target == losses::Target::kImageFolder) {
+    warnings.emplace_back(
+        "train.target_images: expected images without distortion, as the frames were undistorted "
+        "on "
+        "loading; those that jade_deblur wrote from this data set are, undistort others first");
+  }
   for (const std::string& warning : warnings) log_warn(warning);
   if (data.dataset.train.empty()) {
     throw DataError(concat(data.dataset.root.string(),

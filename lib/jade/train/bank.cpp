@@ -368,12 +368,6 @@ ConstantBytes ViewBank::bytes_on_device() const {
 
 std::string target_images_sha256(const data::Dataset& dataset, const RunOptions& options) {
   if (options.objective.target != losses::Target::kImageFolder) return "";
-  if (dataset.undistorted) {
-    throw DataError(
-        "train.target_images: expected frames of a pinhole camera, because these images are not "
-        "undistorted, found frames of a lens, which are; undistort the frames and these images on "
-        "disk, or choose another objective.target");
-  }
   Sha256 digest;
   for (const data::Exposure& exposure : dataset.train) {
     digest.update(file_sha256(target_path(exposure, options.train.target_images)));

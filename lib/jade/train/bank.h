@@ -109,8 +109,7 @@ class ViewBank {
 
 /// SHA-256 of the images of train.target_images for the training exposures; empty if
 /// objective.target is another.
-/// @throws DataError if an exposure has no image, or if the frames were undistorted, which these
-///   images are not.
+/// @throws DataError if an exposure has no image.
 std::string target_images_sha256(const data::Dataset& dataset, const RunOptions& options);
 
 /// SHA-256 of the restorer's file; empty if the options need none.
