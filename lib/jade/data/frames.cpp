@@ -248,11 +248,12 @@ std::vector<Frame> read_frames(const std::vector<fs::path>& paths, const MaskSou
   check_frame_memory(paths, headers);
   check_orientation(paths, headers, warnings);
   std::vector<Frame> frames(paths.size());
+  std::vector<std::string> faults(paths.size());
   at::parallel_for(0, int64_t(paths.size()), 1, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      frames[size_t(i)] = {names[size_t(i)], imaging::read_image(paths[size_t(i)]), {}};
-    }
+    for (auto i = size_t(begin); i < size_t(end); ++i)
+      frames[i] = {names[i], imaging::read_image(paths[i], &faults[i]), {}};
   });
+  if (const std::string fault = imaging::fault_of_all(faults); !fault.empty()) warnings.add(fault);
   for (size_t i = 1; sizes == FrameSizes::kOne && i < frames.size(); ++i) {
     const auto size = frames[i].image.sizes();
     const auto first = frames[0].image.sizes();

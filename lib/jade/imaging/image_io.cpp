@@ -8,6 +8,7 @@
 #include <fstream>
 #include <numeric>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <set>
 #include <string>
 #include <system_error>
@@ -17,6 +18,7 @@
 #include "jade/core/check.h"
 #include "jade/core/text.h"
 #include "jade/imaging/image_header.h"
+#include "jade/imaging/pnm.h"
 #include "jade/io/npy.h"
 #include "jade/io/stand_in.h"
 
@@ -175,11 +177,42 @@ bool is_cut(const fs::path& path) {
   return start == "\x89PNG" && !is_whole_png(read_file(path));
 }
 
+/// The largest value of the type of the pixels.
+float full_of(int depth) {
+  return depth == CV_8U ? float(UINT8_MAX) : depth == CV_16U ? float(UINT16_MAX) : 1.0F;
+}
+
+/// An image as stored.
+struct Decoded {
+  cv::Mat mat;        ///< gray, BGR or BGRA
+  float full = 1;     ///< value of white
+  std::string fault;  ///< a line about data that may be wrong, but can be read; empty if none
+};
+
+/// Values above the white level of the header mean that the header is wrong, and are read with the
+/// white level of their type.
+Decoded decoded(const fs::path& path, Pnm&& image) {
+  Decoded out;
+  const cv::Mat rows(int(image.height), int(image.width), CV_16UC(int(image.channels)),
+                     image.values.data());
+  out.mat = rows.clone();
+  if (image.channels == 3) cv::cvtColor(rows, out.mat, cv::COLOR_RGB2BGR);
+  out.full = float(image.white);
+  const uint16_t largest = *std::max_element(image.values.begin(), image.values.end());
+  if (largest <= image.white) return out;
+  out.full = full_of(largest > UINT8_MAX || image.white > UINT8_MAX ? CV_16U : CV_8U);
+  out.fault = concat(path.string(), ": expected values up to the white level of the header, ",
+                     image.white, ", found up to ", largest, ", which are read with ", out.full,
+                     " as white; correct the header");
+  return out;
+}
+
 constexpr int kWithoutAlpha =
     cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION;
 
-cv::Mat decode(const fs::path& path, int how = kWithoutAlpha) {
+Decoded decode(const fs::path& path, int how = kWithoutAlpha) {
   require_file(path);
+  if (auto pnm = read_pnm(path)) return decoded(path, std::move(*pnm));
   cv::Mat mat;
   try {
     if (!is_cut(path)) mat = cv::imread(path.string(), how);
@@ -198,19 +231,19 @@ cv::Mat decode(const fs::path& path, int how = kWithoutAlpha) {
                            ": expected an image (PNG, JPEG, TIFF, …), found a file that ",
                            "cannot be decoded; is it damaged or of another type?"));
   }
-  return mat;
+  return {mat, full_of(mat.depth()), ""};
 }
 
 [[noreturn]] void refuse_depth(const fs::path& path) {
   throw DataError(concat(path.string(), ": expected 8 or 16 bits per channel, found another kind"));
 }
 
-/// Calls `use(T(), full scale)` with the type of the pixels.
+/// Calls `use(T())` with the type of the pixels.
 template <class Use>
 torch::Tensor with_pixels(const fs::path& path, const cv::Mat& mat, const Use& use) {
-  if (mat.depth() == CV_8U) return use(uint8_t(), 255.0F);
-  if (mat.depth() == CV_16U) return use(uint16_t(), 65535.0F);
-  if (mat.depth() == CV_32F) return use(float(), 1.0F);
+  if (mat.depth() == CV_8U) return use(uint8_t());
+  if (mat.depth() == CV_16U) return use(uint16_t());
+  if (mat.depth() == CV_32F) return use(float());
   refuse_depth(path);
 }
 
@@ -261,49 +294,56 @@ int compare_names(const std::string& a, const std::string& b) {
 
 }  // namespace
 
-torch::Tensor read_image(const std::filesystem::path& path) {
+torch::Tensor read_image(const std::filesystem::path& path, std::string* fault) {
+  if (fault != nullptr) fault->clear();
   if (extension(path) == ".npy") {
     torch::Tensor image = read_array(path);
     check_float_range(path, image);
     return image;
   }
-  const cv::Mat mat = decode(path);
-  switch (mat.depth()) {
-    case CV_8U:
-      return planes_from_rows<uint8_t>(mat, 1.0f / 255.0f);
-    case CV_16U:
-      return planes_from_rows<uint16_t>(mat, 1.0f / 65535.0f);
-    case CV_32F: {
-      torch::Tensor image = planes_from_rows<float>(mat, 1.0f);
-      check_float_range(path, image);
-      return image;
-    }
-    default:
-      refuse_depth(path);
-  }
+  const Decoded found = decode(path);
+  if (fault == nullptr && !found.fault.empty()) throw DataError(found.fault);
+  torch::Tensor image = with_pixels(path, found.mat, [&](auto pixel) {
+    return planes_from_rows<decltype(pixel)>(found.mat, 1.0F / found.full);
+  });
+  if (found.mat.depth() == CV_32F) check_float_range(path, image);
+  if (fault != nullptr) *fault = found.fault;
+  return image;
+}
+
+std::string fault_of_all(const std::vector<std::string>& faults) {
+  const auto is_fault = [](const std::string& line) { return !line.empty(); };
+  const auto first = std::find_if(faults.begin(), faults.end(), is_fault);
+  if (first == faults.end()) return "";
+  const auto others = std::count_if(first + 1, faults.end(), is_fault);
+  return others == 0 ? *first : concat(*first, " (and ", others, " more files like it)");
 }
 
 torch::Tensor read_alpha(const std::filesystem::path& path) {
   const std::optional<ImageHeader> header = read_image_header(path);
   if (!header || !header->has_alpha) return {};
-  const cv::Mat mat = decode(path, cv::IMREAD_UNCHANGED);
+  const Decoded found = decode(path, cv::IMREAD_UNCHANGED);
+  const cv::Mat& mat = found.mat;
   if (!alpha_is_last(mat)) return {};
   const int last = mat.channels() - 1;
-  const torch::Tensor alpha = with_pixels(path, mat, [&](auto pixel, float full) {
+  const torch::Tensor alpha = with_pixels(path, mat, [&](auto pixel) {
     using T = decltype(pixel);
-    return map_pixels<T, float>(mat, torch::kFloat32,
-                                [&](const T* channels) { return float(channels[last]) / full; });
+    return map_pixels<T, float>(mat, torch::kFloat32, [&](const T* channels) {
+      return float(channels[last]) / found.full;
+    });
   });
   return alpha.min().item<float>() >= 1 ? torch::Tensor() : alpha;
 }
 
 torch::Tensor read_mask(const std::filesystem::path& path) {
-  const cv::Mat mat = decode(path, cv::IMREAD_UNCHANGED);
+  const Decoded found = decode(path, cv::IMREAD_UNCHANGED);
+  const cv::Mat& mat = found.mat;
+  const float full = found.full;
   const std::string format = extension(path);
   const bool lossy = format == ".jpg" || format == ".jpeg";
   const bool alpha = alpha_is_last(mat);
   const int colors = mat.channels() - (alpha ? 1 : 0);
-  return with_pixels(path, mat, [&](auto pixel, float full) {
+  return with_pixels(path, mat, [&](auto pixel) {
     using T = decltype(pixel);
     return map_pixels<T, bool>(mat, torch::kBool, [&](const T* channels) {
       const T brightest = *std::max_element(channels, channels + colors);

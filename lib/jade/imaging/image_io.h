@@ -12,9 +12,15 @@ namespace jade::imaging {
 /// WebP, PNM and other formats of the installed OpenCV, 8 or 16 bits per channel. Gray becomes
 /// three equal channels; alpha (see read_alpha) and rotation tags are ignored. `.npy` files contain
 /// [3,H,W], [1,H,W] or [H,W] of a floating type and are not rescaled.
+/// @param fault  receives a line about data that are read but may be wrong, such as values above
+///   the white level of a PGM, else becomes empty; null: such a file is a DataError
 /// @throws DataError naming the path of a missing, empty or unsupported file, and for floats beyond
 ///   [0,1].
-torch::Tensor read_image(const std::filesystem::path& path);
+torch::Tensor read_image(const std::filesystem::path& path, std::string* fault = nullptr);
+
+/// One line for all faults that read_image() found in several files, some of which may be empty;
+/// empty if all are.
+std::string fault_of_all(const std::vector<std::string>& faults);
 
 /// Opacity of an image: [1,H,W] float32 in [0,1], 1 is opaque. Undefined for files without alpha or
 /// with alpha 1 everywhere.

@@ -29,8 +29,9 @@ void check_memory(const std::vector<FrameFile>& files, const Frame& first) {
                        double(files.size()) * double(first.image.nbytes()));
 }
 
-Frame read_frame(const FrameFile& file) {
-  return {file.path.stem().string(), imaging::read_image(file.path), file.time->begin_us,
+/// @param fault  as of read_image()
+Frame read_frame(const FrameFile& file, std::string& fault) {
+  return {file.path.stem().string(), imaging::read_image(file.path, &fault), file.time->begin_us,
           file.time->end_us, file.path};
 }
 
@@ -202,11 +203,14 @@ void read_frames(std::vector<FrameFile> files, Recording& recording) {
   });
   if (files.empty()) return;
   std::vector<Frame> frames(files.size());
-  frames[0] = read_frame(files[0]);
+  std::vector<std::string> faults(files.size());
+  frames[0] = read_frame(files[0], faults[0]);
   check_memory(files, frames[0]);
   at::parallel_for(1, int64_t(files.size()), 1, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) frames[size_t(i)] = read_frame(files[size_t(i)]);
+    for (auto i = size_t(begin); i < size_t(end); ++i) frames[i] = read_frame(files[i], faults[i]);
   });
+  if (const std::string fault = imaging::fault_of_all(faults); !fault.empty())
+    recording.warnings.push_back(fault);
   check_one_size(files, frames);
   std::vector<torch::Tensor> images;
   std::vector<std::string> names;
