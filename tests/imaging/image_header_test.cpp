@@ -60,6 +60,19 @@ TEST_CASE("image header: a JPEG says its EXIF orientation", "[imaging]") {
   CHECK(orientation(std::string("\x01\x12\0\x03", 4), true) == 1);
 }
 
+TEST_CASE("image header: a TIFF says the kind of its values", "[imaging]") {
+  const test::TempDir folder;
+  const auto kind = [&](int type) {
+    cv::imwrite((folder / "a.tiff").string(), cv::Mat(3, 4, type, cv::Scalar(0, 0, 0)),
+                {cv::IMWRITE_TIFF_COMPRESSION, 1});
+    return read_image_header(folder / "a.tiff")->values;
+  };
+  CHECK(kind(CV_8UC3) == "uint8");
+  CHECK(kind(CV_16U) == "uint16");
+  CHECK(kind(CV_32FC3) == "float32");
+  CHECK(kind(CV_64F) == "float64");
+}
+
 TEST_CASE("image header: a PGM with comments", "[imaging]") {
   const test::TempDir folder;
   const auto header = read_image_header(folder.write("a.pgm", "P5\n# 3 4\n5 6\n255\n"));

@@ -6,12 +6,14 @@
 #include <cstdio>
 #include <fstream>
 #include <functional>
+#include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <torch/types.h>
 #include <unistd.h>
 
 #include "jade/core/error.h"
+#include "support/naming.h"
 
 using namespace jade::imaging;
 namespace fs = std::filesystem;
@@ -45,6 +47,44 @@ std::string message_of(const std::function<void()>& action) {
     return error.what();
   }
   return "";
+}
+
+/// A TIFF of one pixel in colour.
+std::string float64_tiff() {
+  const auto number = [](int64_t value, int count) {
+    std::string out;
+    for (int i = 0; i < count; ++i) out += char(value >> 8 * i & 0xFF);
+    return out;
+  };
+  constexpr int kShort = 3, kLong = 4, kEntries = 10;
+  constexpr int64_t kBehind = 8 + 2 + 12 * kEntries + 4;  // the directory
+  std::string out = "II*" + std::string(1, '\0') + number(8, 4) + number(kEntries, 2);
+  const auto entry = [&](int tag, int type, int64_t count, int64_t value) {
+    out += number(tag, 2) + number(type, 2) + number(count, 4) + number(value, 4);
+  };
+  entry(256, kLong, 1, 1), entry(257, kLong, 1, 1), entry(258, kShort, 3, kBehind);
+  entry(259, kShort, 1, 1), entry(262, kShort, 1, 2), entry(273, kLong, 1, kBehind + 12);
+  entry(277, kShort, 1, 3), entry(278, kLong, 1, 1), entry(279, kLong, 1, 24);
+  entry(339, kShort, 3, kBehind + 6);
+  out += number(0, 4);
+  for (const int value : {64, 64, 64, 3, 3, 3}) out += number(value, 2);
+  return out + std::string(24, '\0');
+}
+
+/// Text that an action prints on stderr and std::cerr.
+std::string printed_by(const std::function<void()>& action) {
+  const std::unique_ptr<FILE, int (*)(FILE*)> file(std::tmpfile(), &std::fclose);
+  std::fflush(stderr);
+  const int kept = dup(STDERR_FILENO);
+  dup2(fileno(file.get()), STDERR_FILENO);
+  action();
+  std::fflush(stderr);
+  dup2(kept, STDERR_FILENO);
+  close(kept);
+  std::string out(4096, '\0');
+  std::rewind(file.get());
+  out.resize(std::fread(out.data(), 1, out.size(), file.get()));
+  return out;
 }
 
 }  // namespace
@@ -177,22 +217,45 @@ TEST_CASE("image: a JPEG without its end is refused, one with more behind it is 
   }
 }
 
-TEST_CASE("image: a cut PNG is refused without lines of its decoder", "[imaging]") {
+TEST_CASE("image: damaged files are refused without lines of their decoders", "[imaging]") {
   const Folder folder;
-  const fs::path cut = folder.path / "cut.png", printed = folder.path / "printed.txt";
-  const auto whole = encode_png(torch::rand({3, 40, 60}));
-  std::ofstream(cut, std::ios::binary).write(reinterpret_cast<const char*>(whole.data()), 3000);
-  std::fflush(stderr);
-  const int kept = dup(STDERR_FILENO);
-  REQUIRE(std::freopen(printed.c_str(), "w", stderr) != nullptr);
-  CHECK_THROWS_AS(read_image(cut), jade::DataError);
-  std::fflush(stderr);
-  dup2(kept, STDERR_FILENO);
-  close(kept);
-  CHECK(fs::file_size(printed) == 0);
+  const auto image = torch::rand({3, 40, 60});
+  for (const char* name : {"a.png", "a.bmp", "a.ppm", "a.tiff", "a.jpg"}) {
+    CAPTURE(name);
+    const fs::path path = folder.path / name;
+    write_image(path, image);
+    fs::resize_file(path, fs::file_size(path) / 2);
+    CHECK(printed_by([&] { CHECK_THROWS_AS(read_image(path), jade::DataError); }).empty());
+  }
+  const fs::path path = folder.path / "a.png";
+  auto bytes = encode_png(image);
+  bytes[bytes.size() / 2] ^= 1;  // the checksum differs
+  std::ofstream(path, std::ios::binary) << std::string(bytes.begin(), bytes.end());
+  CHECK(printed_by([&] { CHECK_THROWS_AS(read_image(path), jade::DataError); }).empty());
   // Bytes behind the end do not matter.
-  std::ofstream(cut, std::ios::binary) << std::string(whole.begin(), whole.end()) << "more";
-  CHECK(read_image(cut).size(2) == 60);
+  bytes = encode_png(image);
+  std::ofstream(path, std::ios::binary) << std::string(bytes.begin(), bytes.end()) << "more";
+  CHECK(read_image(path).size(2) == 60);
+}
+
+TEST_CASE("image: a TIFF of other values is read or named by its kind", "[imaging]") {
+  const Folder folder;
+  const std::string name = (folder.path / "a.tiff").string();
+  const auto message = [&](const cv::Mat& image) {
+    std::string out;
+    cv::imwrite(name, image, {cv::IMWRITE_TIFF_COMPRESSION, 1});
+    CHECK(printed_by([&] { out = message_of([&] { read_image(name); }); }).empty());
+    return out;
+  };
+  CHECK(message(cv::Mat(2, 4, CV_64F, cv::Scalar(0.25))).empty());
+  CHECK(largest_difference(read_image(name), torch::full({3, 2, 4}, 0.25)) < 1e-7);
+  CHECK_THAT(message(cv::Mat(2, 4, CV_32S, cv::Scalar(1))), jade::test::naming("found int32"));
+  CHECK_THAT(message(cv::Mat(2, 4, CV_16S, cv::Scalar(1))), jade::test::naming("found int16"));
+  // OpenCV neither writes nor reads float64 in colour.
+  std::ofstream(name, std::ios::binary) << float64_tiff();
+  std::string said;
+  CHECK(printed_by([&] { said = message_of([&] { read_image(name); }); }).empty());
+  CHECK_THAT(said, jade::test::naming("a.tiff", "float32", "found float64", "convert"));
 }
 
 TEST_CASE("image: files that cannot be read are refused with their path", "[imaging]") {

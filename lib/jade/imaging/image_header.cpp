@@ -7,6 +7,8 @@
 #include <fstream>
 #include <string>
 
+#include "jade/core/error.h"
+
 namespace jade::imaging {
 namespace {
 
@@ -95,16 +97,25 @@ ImageHeader jpeg_header(HeaderFile& file) {
 /// The tags of the first directory.
 ImageHeader tiff_header(HeaderFile& file, bool big_endian) {
   constexpr uint32_t kWidth = 256, kHeight = 257, kPhotometric = 262, kSamples = 277, kExtra = 338;
+  constexpr uint32_t kBits = 258, kSampleFormat = 339;
   constexpr uint32_t kShort = 3, kSeparated = 5;
   const uint64_t directory = file.number(4, 4, big_endian);
   const uint32_t count = std::min<uint32_t>(file.number(directory, 2, big_endian), 1000);
   ImageHeader header;
-  uint32_t samples = 1, photometric = 0;
+  uint32_t samples = 1, photometric = 0, bits = 1, format = 1;
   for (uint32_t i = 0; i < count; ++i) {
     const uint64_t entry = directory + 2 + 12 * uint64_t(i);
     const uint32_t tag = file.number(entry, 2, big_endian);
     const bool is_short = file.number(entry + 2, 2, big_endian) == kShort;
     const uint32_t value = file.number(entry + 8, is_short ? 2 : 4, big_endian);
+    // One number per channel; more than two are elsewhere in the file.
+    const bool elsewhere = is_short && file.number(entry + 4, 4, big_endian) > 2;
+    const auto of_first_channel = [&] {
+      if (!elsewhere) return value;
+      return file.number(file.number(entry + 8, 4, big_endian), 2, big_endian);
+    };
+    if (tag == kBits) bits = of_first_channel();
+    if (tag == kSampleFormat) format = of_first_channel();
     if (tag == kWidth) header.width = value;
     if (tag == kHeight) header.height = value;
     if (tag == kPhotometric) photometric = value;
@@ -112,6 +123,8 @@ ImageHeader tiff_header(HeaderFile& file, bool big_endian) {
     if (tag == kExtra) header.has_alpha = true;
   }
   if (samples == 2 || (samples == 4 && photometric != kSeparated)) header.has_alpha = true;
+  constexpr uint32_t kSigned = 2, kFloat = 3;
+  header.values = concat(format == kFloat ? "float" : format == kSigned ? "int" : "uint", bits);
   return header;
 }
 

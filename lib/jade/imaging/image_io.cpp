@@ -17,6 +17,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/check.h"
 #include "jade/core/text.h"
+#include "jade/imaging/decoder_output.h"
 #include "jade/imaging/image_header.h"
 #include "jade/imaging/pnm.h"
 #include "jade/io/npy.h"
@@ -207,35 +208,53 @@ Decoded decoded(const fs::path& path, Pnm&& image) {
   return out;
 }
 
+/// Empty if the file cannot be decoded.
+cv::Mat decode_silently(const fs::path& path, int how) {
+  const DecoderOutput ignored;
+  try {
+    return is_cut(path) ? cv::Mat() : cv::imread(path.string(), how);
+  } catch (const cv::Exception&) {
+    return {};
+  }
+}
+
+[[noreturn]] void refuse_kind(const fs::path& path, const std::string& kind) {
+  throw DataError(concat(path.string(), ": expected values of uint8, uint16 or float32, found ",
+                         kind, "; convert the image"));
+}
+
+/// @throws DataError for a TIFF of values that OpenCV does not read.
+void check_kind(const fs::path& path) {
+  const std::optional<ImageHeader> header = read_image_header(path);
+  const std::string kind = header ? header->values : "";
+  const std::set<std::string> read{"", "uint1", "uint8", "uint16", "float32"};
+  if (read.count(kind) == 0) refuse_kind(path, kind);
+}
+
 constexpr int kWithoutAlpha =
     cv::IMREAD_ANYDEPTH | cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION;
 
 Decoded decode(const fs::path& path, int how = kWithoutAlpha) {
   require_file(path);
   if (auto pnm = read_pnm(path)) return decoded(path, std::move(*pnm));
-  cv::Mat mat;
-  try {
-    if (!is_cut(path)) mat = cv::imread(path.string(), how);
-  } catch (const cv::Exception&) {
-    // reported below
+  const cv::Mat mat = decode_silently(path, how);
+  if (!mat.empty() && mat.depth() != CV_64F) return {mat, full_of(mat.depth()), ""};
+  if (!mat.empty()) {
+    Decoded narrow;
+    mat.convertTo(narrow.mat, CV_32F);
+    return narrow;
   }
-  if (mat.empty()) {
-    if (const std::string other = io::stand_in(path); !other.empty())
-      throw DataError(concat(path.string(), ": expected an image, found ", other));
-    if (!is_image_extension(extension(path))) {
-      throw DataError(concat(path.string(), ": expected an image that can be read, found a ",
-                             path.extension().string(), " file; convert it to .png, .jpg, .tif, ",
-                             ".bmp, .webp, .ppm or .pgm, and name the new file in the list"));
-    }
-    throw DataError(concat(path.string(),
-                           ": expected an image (PNG, JPEG, TIFF, …), found a file that ",
-                           "cannot be decoded; is it damaged or of another type?"));
+  if (const std::string other = io::stand_in(path); !other.empty())
+    throw DataError(concat(path.string(), ": expected an image, found ", other));
+  if (!is_image_extension(extension(path))) {
+    throw DataError(concat(path.string(), ": expected an image that can be read, found a ",
+                           path.extension().string(), " file; convert it to .png, .jpg, .tif, ",
+                           ".bmp, .webp, .ppm or .pgm, and name the new file in the list"));
   }
-  return {mat, full_of(mat.depth()), ""};
-}
-
-[[noreturn]] void refuse_depth(const fs::path& path) {
-  throw DataError(concat(path.string(), ": expected 8 or 16 bits per channel, found another kind"));
+  check_kind(path);
+  throw DataError(concat(path.string(), ": expected an image (PNG, JPEG, TIFF, …), found a file ",
+                         "that cannot be decoded; is it damaged or of another type? Copy or ",
+                         "export it again"));
 }
 
 /// Calls `use(T())` with the type of the pixels.
@@ -244,7 +263,8 @@ torch::Tensor with_pixels(const fs::path& path, const cv::Mat& mat, const Use& u
   if (mat.depth() == CV_8U) return use(uint8_t());
   if (mat.depth() == CV_16U) return use(uint16_t());
   if (mat.depth() == CV_32F) return use(float());
-  refuse_depth(path);
+  const std::optional<ImageHeader> header = read_image_header(path);
+  refuse_kind(path, header && !header->values.empty() ? header->values : "another kind");
 }
 
 /// Maps each pixel's channels to one value: [1,H,W] of Out.
@@ -460,6 +480,7 @@ std::vector<std::filesystem::path> list_images(const std::filesystem::path& fold
 
 size_t count_pages(const fs::path& path) {
   if (extension(path) != ".tif" && extension(path) != ".tiff") return 1;
+  const DecoderOutput ignored;
   try {
     const size_t count = cv::imcount(path.string(), cv::IMREAD_UNCHANGED);
     std::vector<cv::Mat> pages;
@@ -475,6 +496,7 @@ std::vector<fs::path> split_pages(const fs::path& path, const fs::path& folder) 
   fs::create_directories(folder);
   std::vector<fs::path> out;
   std::vector<uint8_t> bytes;
+  const DecoderOutput ignored;
   try {
     const auto count = int(cv::imcount(path.string(), cv::IMREAD_UNCHANGED));
     for (int first = 0; first < count; first += kAtOnce) {

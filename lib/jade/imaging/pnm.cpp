@@ -69,8 +69,8 @@ std::optional<Pnm> read_pnm(const std::filesystem::path& path) {
   const int64_t white = pnm_number(bytes, at).value_or(0);
   if (width == 0 || height == 0 || white == 0) {
     throw DataError(concat(path.string(), ": expected \"P", kind, " WIDTH HEIGHT WHITE\" of whole ",
-                           "numbers from 1 to ", kLargestNumber, ", found another header; export the ",
-                           "image again"));
+                           "numbers from 1 to ", kLargestNumber,
+                           ", found another header; export the ", "image again"));
   }
   Pnm out{width, height, kind == '3' || kind == '6' ? 3 : 1, white, {}};
   const auto count = size_t(width * height * out.channels);
