@@ -72,6 +72,16 @@ TEST_CASE("frames: raw mosaics are one warning", "[data]") {
   CHECK_THAT(lines[0], test::naming("raw mosaic", "convert"));
 }
 
+TEST_CASE("frames: those that are damaged in part are one warning", "[data]") {
+  const test::TempDir folder;
+  std::vector<std::string> lines;
+  read_frames({folder.write("a.pgm", "P5 2 2 255\nabcd"), folder.write("b.pgm", "P5 2 2 30\n1234"),
+               folder.write("c.pgm", "P5 2 2 30\n5678")},
+              {}, Warnings(&lines));
+  REQUIRE(lines.size() == 1);
+  CHECK_THAT(lines[0], test::naming("b.pgm: expected", "30", "1 more"));
+}
+
 TEST_CASE("frames: an orientation that is not applied is one warning", "[data]") {
   // A JPEG of 8x8 gray pixels; its EXIF data say that it is upside down.
   const test::TempDir folder;

@@ -217,6 +217,30 @@ TEST_CASE("image: a JPEG without its end is refused, one with more behind it is 
   }
 }
 
+TEST_CASE("image: a JPEG with damage inside is read and named", "[imaging]") {
+  const Folder folder;
+  const auto encoded = encode_jpeg(pattern(64, 64, 255), 90);
+  const std::string whole(encoded.begin(), encoded.end());
+  const auto write = [&](const std::string& bytes) {
+    const fs::path path = folder.path / "a.jpg";
+    std::ofstream(path, std::ios::binary) << bytes;
+    return path;
+  };
+  std::string damaged = whole, fault;
+  for (size_t i = 0; i < 8; ++i) damaged[whole.size() / 2 + i] ^= 0x5A;
+  const fs::path path = write(damaged);
+  CHECK(printed_by([&] { CHECK(read_image(path, &fault).size(1) == 64); }).empty());
+  CHECK_THAT(fault, jade::test::naming("a.jpg: expected", "damage", "Corrupt JPEG data", "again"));
+  CHECK_THROWS_AS(read_image(path), jade::DataError);
+  CHECK_THROWS_AS(read_mask(path), jade::DataError);
+  // Some cameras fill up the data with zeros.
+  const std::string padded = whole.substr(0, whole.size() - 2) + std::string(40, '\0') + "\xFF\xD9";
+  for (const std::string& sound : {whole, whole + "more", padded}) {
+    read_image(write(sound), &fault);
+    CHECK(fault.empty());
+  }
+}
+
 TEST_CASE("image: damaged files are refused without lines of their decoders", "[imaging]") {
   const Folder folder;
   const auto image = torch::rand({3, 40, 60});

@@ -1096,6 +1096,19 @@ TEST_CASE("recording: frames that are cropped from the sensor are noted with bot
   CHECK_THAT(noise.notes(), test::naming("20x12 px", "16x12 px", "cropped or resized"));
 }
 
+TEST_CASE("frames: a frame that is damaged in part is read, with a warning", "[recording]") {
+  const TempDir dir;
+  dir.write("rpg/events.txt", "0.1 0 0 1\n0.5 1 1 0\n");
+  dir.write("rpg/images.txt", "0.2 images/a.pgm\n0.3 images/b.pgm\n0.4 images/c.pgm\n");
+  dir.write("rpg/images/a.pgm", "P5 2 2 255\nabcd");
+  dir.write("rpg/images/b.pgm", "P5 2 2 30\n1234");
+  dir.write("rpg/images/c.pgm", "P5 2 2 30\n5678");
+  const Recording recording = read_recording(dir / "rpg");
+  CHECK(recording.frames.size() == 3);
+  REQUIRE(recording.warnings.size() == 1);
+  CHECK_THAT(recording.warnings[0], naming("b.pgm: expected", "30", "1 more"));
+}
+
 TEST_CASE("recording: a map of DSEC and poses that are not used are noted", "[recording]") {
   const Noise noise;
   CHECK_THAT(noise.notes(), !test::naming("not used"));

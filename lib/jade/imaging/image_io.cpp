@@ -10,6 +10,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
+#include <sstream>
 #include <string>
 #include <system_error>
 #include <torch/types.h>
@@ -140,9 +141,9 @@ std::vector<uint8_t> encode(const torch::Tensor& image, const std::string& forma
   throw DataError(concat(name, ": the image cannot be encoded as ", format));
 }
 
-/// Whether a JPEG reaches its end marker; the decoder fills missing data with gray. Thumbnails in
-/// the header have such a marker too, so search only the image's own data.
-bool is_whole_jpeg(const std::string& bytes) {
+/// Place of a JPEG's end marker, npos without one; the decoder fills missing data with gray.
+/// Thumbnails in the header have such a marker too, so search only the image's own data.
+size_t end_of_jpeg(const std::string& bytes) {
   const auto at = [&](size_t i) { return i < bytes.size() ? uint8_t(bytes[i]) : uint8_t(0); };
   constexpr uint8_t kFill = 0xFF, kStartOfScan = 0xDA;
   size_t i = 2;
@@ -153,9 +154,36 @@ bool is_whole_jpeg(const std::string& bytes) {
       continue;
     }
     i += 2 + (size_t(at(i + 2)) << 8 | at(i + 3));
-    if (marker == kStartOfScan) return bytes.find("\xFF\xD9", i) != std::string::npos;
+    if (marker == kStartOfScan) return bytes.find("\xFF\xD9", i);
   }
-  return false;
+  return std::string::npos;
+}
+
+/// Whether libjpeg's line is about zeros before the end marker, with which some cameras fill up the
+/// data.
+bool is_of_padding(const std::string& line, const std::string& bytes) {
+  size_t count = 0;
+  if (line.find("extraneous bytes before marker 0xd9") == std::string::npos ||
+      std::sscanf(line.c_str(), "Corrupt JPEG data: %zu", &count) != 1)
+    return false;
+  const size_t end = end_of_jpeg(bytes);
+  return end != std::string::npos && count <= end &&
+         bytes.find_first_not_of('\0', end - count) >= end;
+}
+
+/// A line about damaged data of a JPEG; empty if libjpeg said nothing of damage. It goes on after
+/// damage, so that a part of the picture is wrong.
+std::string jpeg_fault(const fs::path& path, const std::string& said) {
+  std::istringstream lines(said);
+  for (std::string line; std::getline(lines, line);) {
+    const bool is_damage = line.rfind("Corrupt JPEG data", 0) == 0 ||
+                           line.rfind("Premature end of JPEG", 0) == 0 ||
+                           line.rfind("Inconsistent progression", 0) == 0;
+    if (!is_damage || is_of_padding(line, read_file(path))) continue;
+    return concat(path.string(), ": expected an undamaged JPEG, found damage inside (", line,
+                  "); a part of the picture is wrong: copy the file again, or leave it out");
+  }
+  return "";
 }
 
 /// Whether a PNG reaches its end chunk. Its decoder prints a line of its own if it does not.
@@ -174,7 +202,7 @@ bool is_cut(const fs::path& path) {
   char head[4] = {};
   std::ifstream(path, std::ios::binary).read(head, sizeof head);
   const std::string start(head, sizeof head);
-  if (start.rfind("\xFF\xD8", 0) == 0) return !is_whole_jpeg(read_file(path));
+  if (start.rfind("\xFF\xD8", 0) == 0) return end_of_jpeg(read_file(path)) == std::string::npos;
   return start == "\x89PNG" && !is_whole_png(read_file(path));
 }
 
@@ -208,14 +236,18 @@ Decoded decoded(const fs::path& path, Pnm&& image) {
   return out;
 }
 
-/// Empty if the file cannot be decoded.
-cv::Mat decode_silently(const fs::path& path, int how) {
-  const DecoderOutput ignored;
+/// Without pixels if the file cannot be decoded.
+Decoded decode_silently(const fs::path& path, int how) {
+  const DecoderOutput output;
+  Decoded out;
   try {
-    return is_cut(path) ? cv::Mat() : cv::imread(path.string(), how);
+    if (!is_cut(path)) out.mat = cv::imread(path.string(), how);
   } catch (const cv::Exception&) {
     return {};
   }
+  out.full = full_of(out.mat.depth());
+  out.fault = jpeg_fault(path, output.text());
+  return out;
 }
 
 [[noreturn]] void refuse_kind(const fs::path& path, const std::string& kind) {
@@ -237,12 +269,10 @@ constexpr int kWithoutAlpha =
 Decoded decode(const fs::path& path, int how = kWithoutAlpha) {
   require_file(path);
   if (auto pnm = read_pnm(path)) return decoded(path, std::move(*pnm));
-  const cv::Mat mat = decode_silently(path, how);
-  if (!mat.empty() && mat.depth() != CV_64F) return {mat, full_of(mat.depth()), ""};
-  if (!mat.empty()) {
-    Decoded narrow;
-    mat.convertTo(narrow.mat, CV_32F);
-    return narrow;
+  Decoded found = decode_silently(path, how);
+  if (!found.mat.empty()) {
+    if (found.mat.depth() == CV_64F) found.mat.convertTo(found.mat, CV_32F);
+    return found;
   }
   if (const std::string other = io::stand_in(path); !other.empty())
     throw DataError(concat(path.string(), ": expected an image, found ", other));
@@ -361,6 +391,7 @@ torch::Tensor read_mask(const std::filesystem::path& path) {
   const float full = found.full;
   const std::string format = extension(path);
   const bool lossy = format == ".jpg" || format == ".jpeg";
+  if (lossy && !found.fault.empty()) throw DataError(found.fault);
   const bool alpha = alpha_is_last(mat);
   const int colors = mat.channels() - (alpha ? 1 : 0);
   return with_pixels(path, mat, [&](auto pixel) {
