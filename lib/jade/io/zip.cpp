@@ -33,18 +33,54 @@ OpenZip open_zip(const std::filesystem::path& path, const ZipWords& words) {
                          ", found a damaged or other file; ", words.remedy));
 }
 
+/// Methods of packing that some builds of libzip lack.
+std::string method_name(zip_uint16_t method) {
+  constexpr zip_uint16_t kZstandard = 93, kXz = 95;  // unknown to libzip before 1.8
+  switch (method) {
+    case ZIP_CM_DEFLATE64:
+      return "Deflate64";
+    case ZIP_CM_BZIP2:
+      return "BZip2";
+    case ZIP_CM_LZMA:
+      return "LZMA";
+    case kZstandard:
+      return "Zstandard";
+    case kXz:
+      return "XZ";
+    default:
+      return concat("number ", method);
+  }
+}
+
+/// The error of an entry that cannot be opened or read.
+DataError entry_error(zip_t* archive, const std::string& name, const std::string& label, int code) {
+  if (code == ZIP_ER_NOENT)
+    return DataError(concat(label, ": missing in the archive; copy the file again"));
+  if (code == ZIP_ER_ENCRNOTSUPP || code == ZIP_ER_NOPASSWD) {
+    return DataError(concat(label, ": expected an entry without password, found an encrypted one; ",
+                            "unpack the archive and pack it again without password"));
+  }
+  zip_stat_t found;
+  if (code == ZIP_ER_COMPNOTSUPP && zip_stat(archive, name.c_str(), 0, &found) == 0) {
+    return DataError(concat(label, ": expected an entry packed by Deflate, found the method ",
+                            method_name(found.comp_method),
+                            ", which is not read; unpack the archive and pack it again with ",
+                            "Deflate (zip -r)"));
+  }
+  return DataError(concat(label, ": damaged entry; copy the file again"));
+}
+
 /// Passes an entry to `take` in parts.
 void for_each_part(zip_t* archive, const std::string& name, const std::string& label,
                    const std::function<void(const char*, size_t)>& take) {
   const OpenZipEntry entry(zip_fopen(archive, name.c_str(), 0));
-  if (!entry && zip_error_code_zip(zip_get_error(archive)) == ZIP_ER_NOENT) {
-    throw DataError(concat(label, ": missing in the archive; copy the file again"));
-  }
-  if (!entry) throw DataError(concat(label, ": damaged entry; copy the file again"));
+  if (!entry) throw entry_error(archive, name, label, zip_error_code_zip(zip_get_error(archive)));
   std::vector<char> part(1 << 20);
   for (;;) {
     const zip_int64_t count = zip_fread(entry.get(), part.data(), part.size());
-    if (count < 0) throw DataError(concat(label, ": damaged entry; copy the file again"));
+    if (count < 0) {
+      throw entry_error(archive, name, label, zip_error_code_zip(zip_file_get_error(entry.get())));
+    }
     if (count == 0) return;
     take(part.data(), static_cast<size_t>(count));
   }
