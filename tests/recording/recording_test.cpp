@@ -349,6 +349,25 @@ TEST_CASE("recording: a zip of the folder, at its root or within a folder", "[re
   unsetenv("TMPDIR");
 }
 
+TEST_CASE("recording: faults within a zip name the archive, not its temporary files",
+          "[recording]") {
+  const TempDir dir;
+  const auto failure = [&] {
+    std::filesystem::remove(dir / "rpg.zip");
+    zip_folder(dir / "rpg", dir / "rpg.zip", "");
+    return message_of([&] { read_recording(dir / "rpg.zip"); });
+  };
+  write_rpg_folder(dir, "rpg");
+  dir.write("rpg/exposures.csv", "name,start_us,end_us\na,100,300\n");
+  CHECK_THAT(failure(), Catch::StartsWith((dir / "rpg.zip/exposures.csv: ").string()));
+  std::filesystem::remove(dir / "rpg/exposures.csv");
+  dir.write("rpg/images/b.png", "no image");
+  CHECK_THAT(failure(), Catch::StartsWith((dir / "rpg.zip/images/b.png: ").string()));
+  imaging::write_image(dir / "rpg/images/b.png", torch::full({3, 6, 8}, 0.6));
+  dir.write("rpg/events.txt", std::string(kEvents) + "0.002 1 1 7 9 x\n");
+  CHECK_THAT(failure(), Catch::StartsWith((dir / "rpg.zip/events.txt").string()));
+}
+
 TEST_CASE("recording: of a folder with one recording in it, that is read", "[recording]") {
   const TempDir dir;
   write_rpg_folder(dir, "rpg");

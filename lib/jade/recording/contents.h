@@ -29,6 +29,15 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
+/// A temporary folder, which is deleted before the user reads a message, and what it was made from.
+struct Made {
+  std::filesystem::path folder, original;
+  bool keeps_names = true;  ///< files of the folder have the names that they have in `original`
+};
+
+/// The line about the original instead of a temporary file.
+std::string renamed(const std::vector<Made>& made, std::string line);
+
 /// An image file that has not been read yet.
 struct FrameFile {
   std::filesystem::path path;
@@ -57,10 +66,13 @@ struct Contents {
   std::vector<FrameFile> files;
   ReadEvents read_events;                 ///< empty: there are no events
   std::shared_ptr<TemporaryFolder> keep;  ///< folder of the files, if it is temporary
+  std::vector<Made> made;                 ///< `keep`, for messages
 };
 
 Contents read_zip(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_event_folder(const std::filesystem::path& folder, const ReadOptions& options);
+/// Reads a temporary folder of frames and events. @throws DataError naming its original.
+Contents read_made(const Made& made, const ReadOptions& options);
 Contents read_evt(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_dat(const std::filesystem::path& path, const ReadOptions& options);
 Contents read_converted(const std::filesystem::path& path, const ReadOptions& options);

@@ -46,31 +46,6 @@ void convert(const fs::path& path, const ReadOptions& options, const fs::path& f
   throw DataError(concat(path.string(), ": scripts/read_recording.py failed (", code, "): ", said));
 }
 
-/// A temporary folder, which is deleted before the user reads a message, and the recording that it
-/// was made from.
-struct Made {
-  fs::path folder, original;
-
-  /// The line about the recording instead of a temporary file.
-  std::string renamed(const std::string& line) const {
-    const bool is_of_folder = line.rfind(folder.string() + "/", 0) == 0;
-    return is_of_folder ? original.string() + line.substr(line.find(": ")) : line;
-  }
-
-  /// Calls `read`; its errors, and the recording's notes and warnings, name the recording.
-  template <class Read>
-  void name_original(Recording& recording, const Read& read) const {
-    try {
-      read();
-    } catch (const DataError& error) {
-      throw DataError(renamed(error.what()));
-    }
-    for (auto* const lines : {&recording.notes, &recording.warnings}) {
-      for (std::string& line : *lines) line = renamed(line);
-    }
-  }
-};
-
 }  // namespace
 
 std::string last_line(const fs::path& log) {
@@ -85,14 +60,7 @@ std::string last_line(const fs::path& log) {
 Contents read_converted(const fs::path& path, const ReadOptions& options) {
   const auto folder = std::make_shared<TemporaryFolder>();
   convert(path, options, folder->path());
-  const Made made{folder->path() / "out", path};
-  Contents out;
-  made.name_original(out.recording, [&] { out = read_event_folder(made.folder, options); });
-  if (out.read_events) {
-    out.read_events = [=, read = out.read_events](const Wanted& wanted, Recording& recording) {
-      made.name_original(recording, [&] { read(wanted, recording); });
-    };
-  }
+  Contents out = read_made({folder->path() / "out", path, false}, options);
   out.keep = folder;
   return out;
 }

@@ -366,12 +366,16 @@ void replace_frames(const fs::path& path, const ReadOptions& options, Contents& 
                            ", found a zip archive; unpack it and give the folder of the images"));
   }
   if (!contents.keep) contents.keep = std::make_shared<TemporaryFolder>();
+  // A folder of their own, as `keep` may have files of the recording.
+  const fs::path frames = contents.keep->path() / "--frames";
+  fs::create_directories(frames);
+  contents.made.insert(contents.made.begin(), {frames, path});
   const std::string kind = in_small_letters(path.extension().string());
   if (kind == ".tif" || kind == ".tiff") {
-    contents.files = frames_of_pages(path, contents.keep->path(), options, recording);
+    contents.files = frames_of_pages(path, frames, options, recording);
     return;
   }
-  contents.files = frames_of_video(path, contents.keep->path());
+  contents.files = frames_of_video(path, frames);
   recording.stamp = Stamp::kStart;
   recording.notes.push_back(concat(path.string(), ": its frames have the clock of the video"));
 }

@@ -378,16 +378,9 @@ void check_unit(const Recording& recording) {
                          " us; are the times of the frames in milliseconds? Convert them"));
 }
 
-}  // namespace
-
-Recording read_recording(const fs::path& given, const ReadOptions& options) {
-  const fs::path path = recording_in(given);
-  check_choice(path, options);
-  Contents contents = read_contents(path, options);
+/// Reads the files of `contents`. @param path  of the recording
+void complete(const fs::path& path, const ReadOptions& options, Contents& contents) {
   Recording& recording = contents.recording;
-  recording.source = path;
-  if (path != given)
-    recording.notes.push_back(concat(path.string(), ": the only recording of the folder is read"));
   if (!options.frames.empty()) replace_frames(options.frames, options, contents);
   complete_exposures(options, contents);
   const auto span = wanted_span(options, contents);
@@ -408,6 +401,26 @@ Recording read_recording(const fs::path& given, const ReadOptions& options) {
   note_pauses(options.near_frames_ahead_us.value_or(0), recording);
   note_events(recording);
   note_unused(path, recording);
+}
+
+}  // namespace
+
+Recording read_recording(const fs::path& given, const ReadOptions& options) {
+  const fs::path path = recording_in(given);
+  check_choice(path, options);
+  Contents contents = read_contents(path, options);
+  Recording& recording = contents.recording;
+  recording.source = path;
+  if (path != given)
+    recording.notes.push_back(concat(path.string(), ": the only recording of the folder is read"));
+  try {
+    complete(path, options, contents);
+  } catch (const DataError& error) {
+    throw DataError(renamed(contents.made, error.what()));
+  }
+  for (auto* const lines : {&recording.notes, &recording.warnings}) {
+    for (std::string& line : *lines) line = renamed(contents.made, std::move(line));
+  }
   return std::move(recording);
 }
 

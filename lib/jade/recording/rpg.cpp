@@ -221,14 +221,8 @@ Contents read_zip(const fs::path& path, const ReadOptions& options) {
     fs::create_directories((folder->path() / inside).parent_path());
     archive.extract(name, folder->path() / inside);
   }
-  Contents out = read_event_folder(folder->path(), options);
+  Contents out = read_made({folder->path(), path}, options);
   out.recording.format = word_of(Format::kZip);
-  for (auto* lines : {&out.recording.notes, &out.recording.warnings}) {
-    for (std::string& line : *lines) {
-      const std::string unpacked = folder->path().string();
-      if (line.rfind(unpacked, 0) == 0) line = path.string() + line.substr(unpacked.size());
-    }
-  }
   out.keep = folder;
   if (has_masks) {
     out.recording.mask_root = folder->path();
