@@ -347,6 +347,55 @@ TEST_CASE("layouts: frames of MVSEC come with the events of their camera", "[rec
   CHECK(read_recording(dir / "mvsec.hdf5", options).frames[0].t_start_us == 1005000);
 }
 
+TEST_CASE("layouts: frames of 16 bits are read, of other values named", "[recording]") {
+  const TempDir dir;
+  const auto write = [&](const char* name, hid_t type, const std::vector<uint16_t>& pixels) {
+    const hid_t file = create(dir / name);
+    write_table(file, "davis/left/events", false, {0, 1, 2, 3});
+    const hsize_t shape[3] = {2, 48, 64}, count = 2;
+    const hid_t space = H5Screate_simple(3, shape, nullptr), line = H5Screate_simple(1, &count, {});
+    const hid_t data = H5Dcreate2(file, "davis/left/image_raw", type, space, H5P_DEFAULT,
+                                  H5P_DEFAULT, H5P_DEFAULT);
+    H5Dwrite(data, H5T_NATIVE_UINT16, H5S_ALL, H5S_ALL, H5P_DEFAULT, pixels.data());
+    const hid_t stamps = H5Dcreate2(file, "davis/left/image_raw_ts", H5T_NATIVE_DOUBLE, line,
+                                    H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    const double times[2] = {1.005, 1.02};
+    H5Dwrite(stamps, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, times);
+    // Pictures of event_utils are data sets of their own.
+    const hid_t links = H5Pcreate(H5P_LINK_CREATE);
+    H5Pset_create_intermediate_group(links, 1);
+    const hid_t one = H5Screate(H5S_SCALAR), flat = H5Screate_simple(2, shape + 1, nullptr);
+    const hid_t single =
+        H5Dcreate2(file, "images/image000000000", type, flat, links, H5P_DEFAULT, H5P_DEFAULT);
+    H5Dwrite(single, H5T_NATIVE_UINT16, H5S_ALL, H5S_ALL, H5P_DEFAULT, pixels.data());
+    const hid_t stamp =
+        H5Acreate2(single, "timestamp", H5T_NATIVE_DOUBLE, one, H5P_DEFAULT, H5P_DEFAULT);
+    H5Awrite(stamp, H5T_NATIVE_DOUBLE, times);
+    H5Aclose(stamp), H5Dclose(single), H5Sclose(one), H5Sclose(flat), H5Pclose(links);
+    H5Dclose(stamps), H5Sclose(line), H5Dclose(data), H5Sclose(space), H5Fclose(file);
+  };
+  std::vector<uint16_t> pixels(2 * 48 * 64, 50000);
+  pixels[0] = 1;
+  write("deep.h5", H5T_NATIVE_UINT16, pixels);
+  const Recording deep = read_recording(dir / "deep.h5");
+  REQUIRE(deep.frames.size() == 2);
+  CHECK(deep.frames[0].image[0][5][5].item<double>() == Approx(50000.0 / 65535));
+  CHECK(deep.frames[0].image[0][0][0].item<double>() == Approx(1.0 / 65535));
+  write("float.h5", H5T_NATIVE_FLOAT, pixels);
+  const Recording passed = read_recording(dir / "float.h5");
+  CHECK(passed.frames.empty());
+  REQUIRE(passed.warnings.size() == 1);
+  CHECK_THAT(passed.warnings[0], test::naming("float.h5: davis/left/image_raw", "1 more", "16 bits",
+                                              "floats of 32 bits", "--frames"));
+  // Without the stacked ones, those of event_utils are read.
+  const hid_t file = H5Fopen((dir / "deep.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  H5Ldelete(file, "davis/left/image_raw", H5P_DEFAULT);
+  H5Fclose(file);
+  const Recording single = read_recording(dir / "deep.h5");
+  REQUIRE(single.frames.size() == 1);
+  CHECK(single.frames[0].image[0][5][5].item<double>() == Approx(50000.0 / 65535));
+}
+
 TEST_CASE("layouts: pictures of event_utils and EFNet come with their times", "[recording]") {
   const TempDir dir;
   const auto write = [&](const std::string& name, std::vector<hsize_t> shape,

@@ -234,7 +234,7 @@ void Hdf5File::read_column_as(const std::string& name, size_t axis, int64_t inde
   read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, type, out);
 }
 
-void Hdf5File::read_item(const std::string& name, int64_t index, uint8_t* out) const {
+void Hdf5File::read_item(const std::string& name, int64_t index, uint16_t* out) const {
   const Hdf5Dataset& info = dataset(name);
   if (!is_numeric(info) || info.shape.size() < 2 || index < 0 || index >= info.shape[0]) {
     throw ContractError(concat(path_.string(), ": item ", index, " of '", name, "' asked"));
@@ -247,22 +247,22 @@ void Hdf5File::read_item(const std::string& name, int64_t index, uint8_t* out) c
   const Hdf5Id file_space(H5Dget_space(id));
   const bool selected = H5Sselect_hyperslab(file_space, H5S_SELECT_SET, start.data(), nullptr,
                                             extent.data(), nullptr) >= 0;
-  read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, H5T_NATIVE_UINT8, out);
+  read_space(name, id, selected ? hid_t(file_space) : hid_t(-1), count, H5T_NATIVE_UINT16, out);
 }
 
-std::vector<uint8_t> Hdf5File::read_bytes(const std::string& name) const {
+std::vector<uint16_t> Hdf5File::read_pixels(const std::string& name) const {
   const Hdf5Dataset& info = dataset(name);
   if (!is_numeric(info))
-    throw ContractError(concat(path_.string(), ": bytes of '", name, "' asked"));
+    throw ContractError(concat(path_.string(), ": pixels of '", name, "' asked"));
   int64_t count = 1;
   for (const int64_t side : info.shape)
     count = count < 0 || (side > 0 && count > INT64_MAX / side) ? -1 : count * side;
   check_size(info, count);
-  std::vector<uint8_t> bytes(static_cast<size_t>(count));
+  std::vector<uint16_t> pixels(static_cast<size_t>(count));
   const Hdf5Id id(H5Dopen2(handle_->file, name.c_str(), H5P_DEFAULT));
   const Hdf5Id file_space(H5Dget_space(id));
-  read_space(name, id, file_space, count, H5T_NATIVE_UINT8, bytes.data());
-  return bytes;
+  read_space(name, id, file_space, count, H5T_NATIVE_UINT16, pixels.data());
+  return pixels;
 }
 
 template <class T>

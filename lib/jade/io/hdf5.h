@@ -66,11 +66,11 @@ class Hdf5File {
   template <class T>
   void read_field(const std::string& name, const std::string& field, int64_t begin, int64_t count,
                   T* out) const;
-  /// Reads all values at `index` of the first axis of a data set of numbers, as bytes.
-  void read_item(const std::string& name, int64_t index, uint8_t* out) const;
-  /// All values of a data set of numbers of any shape, as bytes.
+  /// Reads all values at `index` of the first axis of a data set of numbers, clamped to 16 bits.
+  void read_item(const std::string& name, int64_t index, uint16_t* out) const;
+  /// All values of a data set of numbers of any shape, clamped to 16 bits.
   /// @throws DataError if the file is too small for that many values.
-  std::vector<uint8_t> read_bytes(const std::string& name) const;
+  std::vector<uint16_t> read_pixels(const std::string& name) const;
   /// Reads values [begin, begin+count) along the other axis of a two-dimensional data set of
   /// numbers at `index` of `axis` (0 or 1).
   template <class T>

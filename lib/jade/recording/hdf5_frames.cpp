@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 constexpr int64_t kLeastSide = 16;  // of a picture, in px
 
-/// 8-bit pictures and the list of their times.
+/// Pictures and the list of their times.
 struct StoredFrames {
   std::string name, times;
 };
@@ -33,17 +33,23 @@ std::string folder_of(const std::string& name) {
   return slash == std::string::npos ? "" : name.substr(0, slash);
 }
 
+/// Whether values are those of pictures that are read: integers of 8 or 16 bits.
+bool has_pixels(const io::Hdf5Dataset& dataset) {
+  return dataset.integer && (dataset.item_size == 1 || dataset.item_size == 2);
+}
+
 /// Whether it is [N,H,W], or [N,H,W,C] of one or three channels, of at least 16x16 px.
 bool is_pictures(const io::Hdf5Dataset& dataset) {
   const auto& shape = dataset.shape;
-  if (!dataset.integer || dataset.item_size != 1 || shape.size() < 3 || shape.size() > 4)
-    return false;
+  if (shape.size() < 3 || shape.size() > 4) return false;
   const bool channels = shape.size() == 3 || shape[3] == 1 || shape[3] == 3;
   return channels && shape[0] > 0 && shape[1] >= kLeastSide && shape[2] >= kLeastSide;
 }
 
 /// All pictures of a file with one time each.
-std::vector<StoredFrames> find_frames(const io::Hdf5File& file) {
+/// @param passed  receives those of other values than pixels
+std::vector<StoredFrames> find_frames(const io::Hdf5File& file,
+                                      std::vector<io::Hdf5Dataset>& passed) {
   std::vector<StoredFrames> out;
   for (const auto& dataset : file.datasets()) {
     if (!is_pictures(dataset)) continue;
@@ -52,7 +58,11 @@ std::vector<StoredFrames> find_frames(const io::Hdf5File& file) {
       if (!file.has(times) || file.dataset(times).shape.size() != 1 ||
           file.length(times) != dataset.shape[0])
         continue;
-      out.push_back({dataset.name, times});
+      if (has_pixels(dataset)) {
+        out.push_back({dataset.name, times});
+      } else {
+        passed.push_back(dataset);
+      }
       break;
     }
   }
@@ -75,13 +85,28 @@ std::vector<int64_t> read_times_us(const io::Hdf5File& file, const std::string& 
   return events::times_us(times, unit, where);
 }
 
+/// Bits per value in a file of the picture.
+int bits_of(const io::Hdf5Dataset& dataset) { return dataset.item_size == 1 ? 8 : 16; }
+
+/// Values of a picture, in [0,1], with the data set's largest possible value as white.
+torch::Tensor scaled(const io::Hdf5Dataset& dataset, std::vector<uint16_t>& values,
+                     torch::IntArrayRef shape) {
+  // LibTorch supports few operations on unsigned types.
+  const torch::Tensor pixels = torch::from_blob(values.data(), shape, torch::kInt16)
+                                   .to(torch::kInt32)
+                                   .bitwise_and(UINT16_MAX);
+  return pixels.to(torch::kFloat32).div(bits_of(dataset) == 8 ? UINT8_MAX : UINT16_MAX);
+}
+
 /// [1,H,W] or [3,H,W] in [0,1].
 torch::Tensor read_picture(const io::Hdf5File& file, const io::Hdf5Dataset& dataset,
                            int64_t index) {
   const int64_t channels = dataset.shape.size() == 4 ? dataset.shape[3] : 1;
-  torch::Tensor bytes = torch::empty({dataset.shape[1], dataset.shape[2], channels}, torch::kUInt8);
-  file.read_item(dataset.name, index, bytes.data_ptr<uint8_t>());
-  return bytes.permute({2, 0, 1}).to(torch::kFloat32).div(255).contiguous();
+  std::vector<uint16_t> values(size_t(dataset.shape[1] * dataset.shape[2] * channels));
+  file.read_item(dataset.name, index, values.data());
+  return scaled(dataset, values, {dataset.shape[1], dataset.shape[2], channels})
+      .permute({2, 0, 1})
+      .contiguous();
 }
 
 /// Whether the options keep a frame; others are not decoded. Always keeps the first frame, because
@@ -102,8 +127,7 @@ using PictureGroups = std::map<std::string, std::vector<io::Hdf5Dataset>>;
 /// [H,W], [H,W,C] or [C,H,W]: the axis of the channels, one or three; no value for other data.
 std::optional<size_t> channel_axis(const io::Hdf5Dataset& dataset) {
   const auto& shape = dataset.shape;
-  if (!dataset.integer || dataset.item_size != 1 || shape.size() < 2 || shape.size() > 3)
-    return std::nullopt;
+  if (shape.size() < 2 || shape.size() > 3) return std::nullopt;
   const auto sides = [&](size_t row, size_t column) {
     return shape[row] >= kLeastSide && shape[column] >= kLeastSide;
   };
@@ -114,24 +138,42 @@ std::optional<size_t> channel_axis(const io::Hdf5Dataset& dataset) {
   return std::nullopt;
 }
 
-PictureGroups find_single_pictures(const io::Hdf5File& file) {
+/// @param passed  receives those of other values than pixels
+PictureGroups find_single_pictures(const io::Hdf5File& file, std::vector<io::Hdf5Dataset>& passed) {
   PictureGroups out;
   for (const auto& dataset : file.datasets()) {
-    if (channel_axis(dataset) && file.number(dataset.name, "timestamp"))
-      out[folder_of(dataset.name)].push_back(dataset);
+    if (!channel_axis(dataset) || !file.number(dataset.name, "timestamp")) continue;
+    (has_pixels(dataset) ? out[folder_of(dataset.name)] : passed).push_back(dataset);
   }
   return out;
 }
 
+/// Says which data sets with the shape and times of frames are not read: a warning if there are no
+/// frames, else a note, as depth maps lie beside frames.
+void report_passed(const std::vector<io::Hdf5Dataset>& passed, const fs::path& path,
+                   Contents& contents) {
+  if (passed.empty()) return;
+  const io::Hdf5Dataset& first = passed.front();
+  const std::string others =
+      passed.size() == 1 ? "" : concat(" (and ", passed.size() - 1, " more like it)");
+  auto& lines = contents.files.empty() ? contents.recording.warnings : contents.recording.notes;
+  lines.push_back(concat(path.string(), ": ", first.name, others,
+                         " is not read as frames: expected integers of 8 or 16 bits, found ",
+                         first.floating ? "floats" : "values", " of ", 8 * first.item_size,
+                         " bits; if these are the frames, convert them, or give images with ",
+                         "--frames DIR"));
+}
+
 /// [1,H,W] or [3,H,W] in [0,1], with colours as RGB.
 torch::Tensor read_single_picture(const io::Hdf5File& file, const io::Hdf5Dataset& dataset) {
-  std::vector<uint8_t> values = file.read_bytes(dataset.name);
-  torch::Tensor bytes = torch::from_blob(values.data(), dataset.shape, torch::kUInt8);
-  if (bytes.dim() == 2) bytes = bytes.unsqueeze(0);
+  std::vector<uint16_t> values = file.read_pixels(dataset.name);
+  torch::Tensor picture = scaled(dataset, values, dataset.shape);
+  if (picture.dim() == 2) picture = picture.unsqueeze(0);
   if (dataset.shape.size() == 3 && channel_axis(dataset) == size_t(2))
-    bytes = bytes.permute({2, 0, 1});
-  if (file.attribute(dataset.name, "type").find("bgr") != std::string::npos) bytes = bytes.flip(0);
-  return bytes.to(torch::kFloat32).div(255).contiguous();
+    picture = picture.permute({2, 0, 1});
+  if (file.attribute(dataset.name, "type").find("bgr") != std::string::npos)
+    picture = picture.flip(0);
+  return picture.contiguous();
 }
 
 /// Exposures from the attributes; those without have the length 0.
@@ -164,8 +206,8 @@ std::vector<events::TimeWindow> picture_times(const io::Hdf5File& file,
 }
 
 /// Adds pictures that are data sets of their own. Sharp ones beside them are not read.
-void add_single_pictures(const io::Hdf5File& file, const ReadOptions& options, Contents& contents) {
-  const PictureGroups groups = find_single_pictures(file);
+void add_single_pictures(const io::Hdf5File& file, const PictureGroups& groups,
+                         const ReadOptions& options, Contents& contents) {
   if (groups.empty()) return;
   const auto named = groups.find("images");
   const auto& [group, pictures] = named == groups.end() ? *groups.begin() : *named;
@@ -176,6 +218,7 @@ void add_single_pictures(const io::Hdf5File& file, const ReadOptions& options, C
                                               "/ are not read"));
   }
   contents.keep = std::make_shared<TemporaryFolder>();
+  contents.made = {{contents.keep->path(), file.path()}};
   const auto exposures = picture_times(file, pictures, options.time_unit);
   int64_t first_us = exposures.front().begin_us;
   for (const auto& exposure : exposures) first_us = std::min(first_us, exposure.begin_us);
@@ -184,18 +227,15 @@ void add_single_pictures(const io::Hdf5File& file, const ReadOptions& options, C
     if (!is_wanted(options, first_us, exposures[i].begin_us)) continue;
     const fs::path picture =
         contents.keep->path() / (fs::path(pictures[i].name).filename().string() + ".png");
-    imaging::write_image(picture, read_single_picture(file, pictures[i]));
+    imaging::write_image(picture, read_single_picture(file, pictures[i]), {bits_of(pictures[i])});
     contents.files.push_back({picture, exposures[i]});
   }
 }
 
-}  // namespace
-
-void add_hdf5_frames(const fs::path& path, const ReadOptions& options, Contents& contents) {
-  if (!options.frames.empty()) return;
-  const io::Hdf5File file(path);
-  const std::vector<StoredFrames> all = find_frames(file);
-  if (all.empty()) return add_single_pictures(file, options, contents);
+/// Adds the pictures of the camera of the events, and notes those of others.
+void add_stored_frames(const io::Hdf5File& file, const std::vector<StoredFrames>& all,
+                       const ReadOptions& options, Contents& contents) {
+  const fs::path& path = file.path();
   const std::string stream = events::event_group_name(path, options.events_group);
   const auto near = [&](const StoredFrames& frames) {
     const std::string folder = folder_of(frames.name);
@@ -214,6 +254,7 @@ void add_hdf5_frames(const fs::path& path, const ReadOptions& options, Contents&
   }
   if (own == all.end()) return;
   contents.keep = std::make_shared<TemporaryFolder>();
+  contents.made = {{contents.keep->path(), file.path()}};
   const std::vector<int64_t> times = read_times_us(file, own->times, options.time_unit);
   const int64_t first_us = *std::min_element(times.begin(), times.end());
   const io::Hdf5Dataset& dataset = file.dataset(own->name);
@@ -223,9 +264,25 @@ void add_hdf5_frames(const fs::path& path, const ReadOptions& options, Contents&
     char name[32];
     std::snprintf(name, sizeof name, "%06zu.png", i);
     const fs::path picture = contents.keep->path() / name;
-    imaging::write_image(picture, read_picture(file, dataset, int64_t(i)));
+    imaging::write_image(picture, read_picture(file, dataset, int64_t(i)), {bits_of(dataset)});
     contents.files.push_back({picture, events::TimeWindow{times[i], times[i]}});
   }
+}
+
+}  // namespace
+
+void add_hdf5_frames(const fs::path& path, const ReadOptions& options, Contents& contents) {
+  if (!options.frames.empty()) return;
+  const io::Hdf5File file(path);
+  std::vector<io::Hdf5Dataset> passed;
+  const std::vector<StoredFrames> all = find_frames(file, passed);
+  const PictureGroups groups = find_single_pictures(file, passed);
+  if (all.empty()) {
+    add_single_pictures(file, groups, options, contents);
+  } else {
+    add_stored_frames(file, all, options, contents);
+  }
+  report_passed(passed, path, contents);
 }
 
 }  // namespace jade::recording
