@@ -5,6 +5,8 @@
 
 #include "jade/core/error.h"
 #include "jade/io/gzip.h"
+#include "jade/io/npy.h"
+#include "jade/io/zip.h"
 #include "support/naming.h"
 #include "support/temp_dir.h"
 
@@ -32,6 +34,16 @@ TEST_CASE("text: UTF-8 with and without its mark is read, other content is named
   CHECK_THROWS_WITH(io::read_text(dir.write("packed.csv", io::gzip("a,1\n"))),
                     test::naming("packed.csv", "gzip"));
   CHECK_THROWS_AS(io::read_text(dir / "missing.csv"), DataError);
+}
+
+TEST_CASE("text: arrays and archives in place of a list are named", "[io]") {
+  const test::TempDir dir;
+  io::write_npy(dir / "a.npy", torch::zeros({4}));
+  io::write_npz(dir / "a.npz", {{"t", torch::zeros({4})}});
+  io::write_zip(dir / "a.zip", {{"t.txt", "1 2"}});
+  for (const char* name : {"a.npy", "a.npz"})
+    CHECK_THROWS_NAMING(DataError, io::read_text(dir / name), name, "NumPy", "savetxt");
+  CHECK_THROWS_NAMING(DataError, io::read_text(dir / "a.zip"), "a.zip", "zip", "unpack");
 }
 
 TEST_CASE("text: the comma of a number becomes a point, no other comma does", "[io]") {

@@ -10,6 +10,7 @@
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
+#include "jade/io/npy.h"
 #include "jade/recording/recording.h"
 #include "recording/evt_words.h"
 #include "support/naming.h"
@@ -1107,6 +1108,28 @@ TEST_CASE("frames: a frame that is damaged in part is read, with a warning", "[r
   CHECK(recording.frames.size() == 3);
   REQUIRE(recording.warnings.size() == 1);
   CHECK_THAT(recording.warnings[0], naming("b.pgm: expected", "30", "1 more"));
+}
+
+TEST_CASE("frames: --frame-times takes arrays of NumPy", "[recording]") {
+  const TempDir dir;
+  dir.write("rpg/events.txt", "0.1 0 0 1\n0.5 1 1 0\n");
+  write_frames(dir / "rpg/images", 2);
+  ReadOptions options;
+  options.frame_times = dir / "times.npz";
+  const auto i64 = torch::kInt64;
+  io::write_npz(options.frame_times, {{"timestamps_start", torch::tensor({100000, 300000}, i64)},
+                                      {"timestamps_end", torch::tensor({150000, 340000}, i64)}});
+  const Recording recording = read_recording(dir / "rpg", options);
+  REQUIRE(recording.frames.size() == 2);
+  CHECK(recording.frames[1].t_start_us == 300000);
+  CHECK(recording.frames[1].t_end_us == 340000);
+  io::write_npz(options.frame_times, {{"t", torch::tensor({100000, 300000}, i64)}});
+  CHECK_THAT(error_of([&] { read_recording(dir / "rpg", options); }),
+             naming("times.npz", "timestamps"));
+  options.frame_times = dir / "times.npy";
+  io::write_npy(options.frame_times, torch::tensor({100000, 300000}, i64));
+  CHECK_THAT(error_of([&] { read_recording(dir / "rpg", options); }),
+             naming("times.npy", "NumPy", "savetxt"));
 }
 
 TEST_CASE("recording: a map of DSEC and poses that are not used are noted", "[recording]") {

@@ -6,12 +6,26 @@
 #include "jade/io/stand_in.h"
 
 namespace jade::io {
+namespace {
+
+/// Files of arrays or archives in place of a list; empty for other content.
+std::string archive_in(const std::string& head) {
+  if (head.rfind("\x93NUMPY", 0) == 0)
+    return "a NumPy array; write it as text, one line per entry (numpy.savetxt)";
+  if (head.rfind("PK\x03\x04", 0) != 0) return "";
+  if (head.find(".npy") != std::string::npos)
+    return "NumPy arrays; write them as text, one line per entry (numpy.savetxt)";
+  return "an archive (zip); unpack it and give the file within";
+}
+
+}  // namespace
 
 std::string read_text(const std::filesystem::path& path) {
   std::string whole = read_file(path);
   if (whole.empty()) return whole;
   const std::string head = whole.substr(0, 1024);
   std::string other = stand_in(head, path);
+  if (other.empty()) other = archive_in(head);
   // Without a byte order mark, the zeros of UTF-16 remain.
   if (other.empty() && head.find('\0') != std::string::npos)
     other = concat("bytes of 0: text in UTF-16, or no text; iconv -f UTF-16LE -t UTF-8 ",

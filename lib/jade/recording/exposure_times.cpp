@@ -9,6 +9,7 @@
 #include "jade/core/median.h"
 #include "jade/core/text.h"
 #include "jade/events/stream_faults.h"
+#include "jade/io/zip.h"
 #include "jade/recording/contents.h"
 
 namespace jade::recording {
@@ -204,15 +205,28 @@ void choose_channel(const fs::path& path, const std::map<int64_t, Triggers>& cha
   }
 }
 
+namespace {
+
+/// Assigns the times of options.frame_times: arrays of NumPy, numbers, or a list of names.
+void apply_given_times(const ReadOptions& options, Contents& contents) {
+  const std::filesystem::path& list = options.frame_times;
+  auto& files = contents.files;
+  Recording& recording = contents.recording;
+  if (list.empty()) return;
+  const bool arrays = in_small_letters(list.extension().string()) == ".npz" && io::is_zip(list);
+  if (arrays && !files.empty()) return add_npz_times(list, options.time_unit, files, recording);
+  if (!apply_numbers(list, options, files, recording) &&
+      !apply_named_times(list, options, files, recording))
+    apply_exposures(list, read_exposures(list), files, recording);
+}
+
+}  // namespace
+
 void complete_exposures(const ReadOptions& options, Contents& contents) {
   Recording& recording = contents.recording;
   auto& files = contents.files;
   recording.stamp = options.stamp.value_or(recording.stamp);
-  if (!options.frame_times.empty() &&
-      !apply_numbers(options.frame_times, options, files, recording) &&
-      !apply_named_times(options.frame_times, options, files, recording)) {
-    apply_exposures(options.frame_times, read_exposures(options.frame_times), files, recording);
-  }
+  apply_given_times(options, contents);
   apply_triggers(options, contents);
   check_own_times(options.frames.empty() ? recording.source : options.frames, files);
   check_resolution(files, recording.warnings);
