@@ -240,7 +240,11 @@ ExitCode run(apps::Program& program, Flags& flags) {
         concat(output.folder().string(),
                ": another jade_sweep works here; wait for it or choose another --output"));
   }
-  output.write_settings(plan, apps::resolve_written);
+  if (flags.table) {
+    output.check_settings(plan, apps::resolve_written, /*starts=*/false);
+  } else {
+    output.write_settings(plan, apps::resolve_written);
+  }
   write_file(output.folder() / "sweep.yaml", read_file(flags.sweep));
   if (!flags.table && flags.launcher == "local") launch_local(plan, output, flags, trainer);
   const bool goes_on =

@@ -66,7 +66,10 @@ void use_path(const fs::path& path, apps::Program& program) {
 void check_same_data(const fs::path& path, const fs::path& dataset) {
   if (path.empty() || !fs::is_regular_file(path / "scene.yaml")) return;
   const auto own = config::load<train::RunOptions>({path / "scene.yaml", {}, {}}).dataset.path;
-  if (fs::weakly_canonical(own) == fs::weakly_canonical(dataset)) return;
+  const auto is = [&](const fs::path& other) {
+    return fs::weakly_canonical(other) == fs::weakly_canonical(dataset);
+  };
+  if (is(own) || is(path)) return;
   throw ConfigError(concat(path.string(), ": expected no other data set in --config and --set, ",
                            "found dataset.path ", dataset.string(), "; leave one of the two away"));
 }

@@ -146,6 +146,12 @@ TEST_CASE(
              Catch::Contains("iterations: 5 "));
   dir.write("other.yaml", "dataset: {path: elsewhere}\n");
   check_error(run(dir, "jade_train scene --config other.yaml --output x"), 2, "scene", "elsewhere");
+  // A folder that was moved, whose YAML names the old place.
+  dir.write("scene/scene.yaml", "dataset: {path: /moved/away}\n");
+  check_error(run(dir,
+                  "jade_train scene --set dataset.path=scene --output x --device cpu "
+                  "--set train.iterations=0"),
+              2, "train.iterations");
   dir.write("events.txt", "0.001 1 2 1\n0.002 1 3 0\n");
   check_error(run(dir, "jade_train events.txt --output x"), 2, "jade_import events.txt");
   check_error(run(dir, "jade_train nowhere --output x"), 3, "nowhere");

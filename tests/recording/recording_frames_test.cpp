@@ -224,6 +224,9 @@ TEST_CASE("recording: a list without names has the times of the frames in their 
   CHECK(second_of("0 1700000001.0\n1 1700000001.1\n3 1700000001.2\n") ==
         std::pair<int64_t, int64_t>(1700000001100000, 1700000001100000));
   CHECK(second_of("1000000,1050000\n1100000,1150000\n1200000,1250000\n") == exposure);
+  // Rounded to ms, exposures may overlap.
+  CHECK(second_of("1000 1034\n1033 1067\n1067 1100\n") ==
+        std::pair<int64_t, int64_t>(1033000, 1067000));
   // Lengths are no ends, and starts no numbers.
   CHECK_THROWS_WITH(second_of("1000000,50000\n1100000,50001\n1200000,50002\n"),
                     test::naming("list.txt"));

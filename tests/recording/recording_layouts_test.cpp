@@ -387,9 +387,12 @@ TEST_CASE("layouts: frames of 16 bits are read, of other values named", "[record
   REQUIRE(passed.warnings.size() == 1);
   CHECK_THAT(passed.warnings[0], test::naming("float.h5: davis/left/image_raw", "1 more", "16 bits",
                                               "floats of 32 bits", "--frames"));
-  // Without the stacked ones, those of event_utils are read.
+  // Depth is no picture. Without stacked pictures, those of event_utils are read.
   const hid_t file = H5Fopen((dir / "deep.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
-  H5Ldelete(file, "davis/left/image_raw", H5P_DEFAULT);
+  for (const std::string name : {"image_raw", "image_raw_ts"}) {
+    H5Lmove(file, ("davis/left/" + name).c_str(), file, ("davis/left/depth_" + name).c_str(),
+            H5P_DEFAULT, H5P_DEFAULT);
+  }
   H5Fclose(file);
   const Recording single = read_recording(dir / "deep.h5");
   REQUIRE(single.frames.size() == 1);

@@ -49,14 +49,15 @@ void check_undistorted(const json& entry, const json& defaults) {
   for (const char* key : {"camera_model", "model", "camera_type"}) {
     const json* value = value_of(entry, defaults, key);
     if (value == nullptr || value->is_null()) continue;
-    std::string model = value->is_string() ? value->get<std::string>() : value->dump();
+    const std::string given = value->is_string() ? value->get<std::string>() : value->dump();
+    std::string model = given;
     std::transform(model.begin(), model.end(), model.begin(),
                    [](unsigned char letter) { return char(std::toupper(letter)); });
-    // Those with radial coefficients, which are checked below, are pinholes without them.
+    // Models with radial coefficients are pinholes if these are 0, which is checked below.
     const std::array pinholes{"PINHOLE",       "SIMPLE_PINHOLE", "PERSPECTIVE", "OPENCV",
                               "SIMPLE_RADIAL", "RADIAL",         "FULL_OPENCV"};
     if (std::find(pinholes.begin(), pinholes.end(), model) != pinholes.end()) continue;
-    throw DataError(concat("expected \"", key, "\" to be PINHOLE, found ", model,
+    throw DataError(concat("expected \"", key, "\" to be PINHOLE, found ", given,
                            "; remove it to render as a pinhole camera"));
   }
   for (const char* key : {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "distortion",
@@ -65,7 +66,7 @@ void check_undistorted(const json& entry, const json& defaults) {
     if (value == nullptr) continue;
     const bool zero = value->is_array() ? std::all_of(value->begin(), value->end(),
                                                       [](const json& each) { return each == 0; })
-                                        : value->is_null() || *value == 0 || *value == false;
+                                        : value->empty() || *value == 0 || *value == false;
     if (zero) continue;
     throw DataError(concat("expected a camera without distortion, found \"", key,
                            "\"; remove it to render as a pinhole camera"));

@@ -74,7 +74,7 @@ geometry::Pose rigid_pose(const json& matrix, const std::string& expected) {
   const auto malformed = [&](const json& part) {
     return wrong(part.dump().substr(0, 40) + "; correct it");
   };
-  if (!matrix.is_array() || matrix.size() < 3) throw malformed(matrix);
+  if (!matrix.is_array() || matrix.size() < 3 || matrix.size() > 4) throw malformed(matrix);
   for (size_t row = 0; row < 3; ++row) {
     if (!matrix[row].is_array() || matrix[row].size() != 4) throw malformed(matrix[row]);
     for (size_t column = 0; column < 4; ++column) {

@@ -117,7 +117,8 @@ class Listed {
   void tell(const Warnings& warnings) const {
     if (repeated_.empty()) return;
     warnings.add(path_.string(), ": ", repeated_.size(),
-                 " frames are listed twice: ", listing(repeated_, 3), "; they are used once");
+                 repeated_.size() == 1 ? " frame is" : " frames are",
+                 " listed twice: ", listing(repeated_, 3), "; each is used once");
   }
 
  private:

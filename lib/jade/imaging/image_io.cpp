@@ -232,7 +232,7 @@ Decoded decoded(const fs::path& path, Pnm&& image) {
   out.full = full_of(largest > UINT8_MAX || image.white > UINT8_MAX ? CV_16U : CV_8U);
   out.fault = concat(path.string(), ": expected values up to the white level of the header, ",
                      image.white, ", found up to ", largest, ", which are read with ", out.full,
-                     " as white; correct the header");
+                     " as white, unlike images without such values; correct the header");
   return out;
 }
 

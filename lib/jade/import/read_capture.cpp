@@ -27,7 +27,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Three views are too few for a scene, and structure from motion cannot check itself.
 /// Longest exposure as a multiple of the frame period; both are rounded.
 constexpr double kLongestExposure = 1.02;
 

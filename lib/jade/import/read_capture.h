@@ -12,7 +12,8 @@
 
 namespace jade::import {
 
-/// Frames that an import needs.
+/// Frames that an import needs: three are too few for a scene, and structure from motion cannot
+/// check itself.
 constexpr size_t kFewestFrames = 4;
 
 /// The stamp that the options name; no value for auto.

@@ -191,20 +191,22 @@ std::optional<size_t> number_of(const fs::path& file) {
 }
 
 /// Whether the first number of each line is that of its frame: numbers that count, or, where frames
-/// are missing, whole ones that rise in small steps beside rising times that cannot be their ends.
+/// are missing, whole ones that rise in small steps beside rising times. Starts and ends advance
+/// equally, numbers and times do not.
 bool has_frame_numbers(const NumberList& list) {
   constexpr double kLargestStep = 100;  // on average
   const std::vector<Row>& rows = list.rows;
-  bool is_counted = true, is_rising = rows.size() > 1 && rows[0].size() > 1, is_exposed = true;
+  bool is_counted = true, is_rising = rows.size() > 1 && rows[0].size() > 1;
   for (size_t i = 0; i < rows.size(); ++i) {
     is_counted = is_counted && rows[i][0] == rows[0][0] + double(i);
     if (i == 0 || !is_rising) continue;
     is_rising = rows[i][0] == std::floor(rows[i][0]) && rows[i][0] > rows[i - 1][0] &&
                 rows[i][1] > rows[i - 1][1];
-    is_exposed = is_exposed && rows[i - 1][1] <= rows[i][0] && rows[i][1] >= rows[i][0];
   }
   if (is_counted || !is_rising) return is_counted;
-  return !is_exposed && rows.back()[0] - rows[0][0] < kLargestStep * double(rows.size() - 1);
+  const double counted = rows.back()[0] - rows[0][0], timed = rows.back()[1] - rows[0][1];
+  const bool is_exposed = timed > 0.5 * counted && timed < 2 * counted;
+  return !is_exposed && counted < kLargestStep * double(rows.size() - 1);
 }
 
 /// The number of the frame that a list of more or fewer lines than frames begins with: its own, or
@@ -401,14 +403,19 @@ std::vector<fs::path> list_folders(const fs::path& images, const fs::path& root)
 std::vector<fs::path> lists_beside(const fs::path& frames) {
   const bool is_one_file = !is_folder(frames);
   std::vector<fs::path> folders = list_folders(is_one_file ? frames.parent_path() : frames, {});
+  const std::string own = in_small_letters(folders.front().filename().string());
   if (!is_one_file) folders.erase(folders.begin());
   std::vector<fs::path> lists;
   for (const fs::path& folder : folders) {
     std::error_code error;
     for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
          entry.increment(error)) {
-      const std::string name = in_small_letters(entry->path().filename().string());
-      if ((has_ending(name, ".txt") || has_ending(name, ".csv")) && is_file(entry->path()))
+      const std::string name = in_small_letters(entry->path().stem().string());
+      const std::string kind = in_small_letters(entry->path().extension().string());
+      const bool is_named = name.find("time") != std::string::npos ||
+                            name.find("exposure") != std::string::npos || name == "images" ||
+                            name == "frames" || name == own;
+      if (is_named && (kind == ".txt" || kind == ".csv") && is_file(entry->path()))
         lists.push_back(entry->path());
     }
   }

@@ -11,6 +11,7 @@
 
 #include "jade/core/error.h"
 #include "jade/core/interrupt.h"
+#include "jade/core/text.h"
 #include "jade/events/event_files.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
@@ -33,9 +34,13 @@ std::string folder_of(const std::string& name) {
   return slash == std::string::npos ? "" : name.substr(0, slash);
 }
 
-/// Whether values are those of pictures that are read: integers of 8 or 16 bits.
+/// Whether values are those of pictures that are read: integers of 8 or 16 bits. Depth in whole
+/// millimetres has 16 bits too.
 bool has_pixels(const io::Hdf5Dataset& dataset) {
-  return dataset.integer && (dataset.item_size == 1 || dataset.item_size == 2);
+  const std::string name = in_small_letters(fs::path(dataset.name).filename().string());
+  const bool is_map =
+      name.find("depth") != std::string::npos || name.find("disparity") != std::string::npos;
+  return dataset.integer && (dataset.item_size == 1 || (dataset.item_size == 2 && !is_map));
 }
 
 /// Whether it is [N,H,W], or [N,H,W,C] of one or three channels, of at least 16x16 px.
@@ -46,7 +51,7 @@ bool is_pictures(const io::Hdf5Dataset& dataset) {
   return channels && shape[0] > 0 && shape[1] >= kLeastSide && shape[2] >= kLeastSide;
 }
 
-/// All pictures of a file with one time each.
+/// All pictures of a file with one time each, those of 8 bits first.
 /// @param passed  receives those of other values than pixels
 std::vector<StoredFrames> find_frames(const io::Hdf5File& file,
                                       std::vector<io::Hdf5Dataset>& passed) {
@@ -66,6 +71,9 @@ std::vector<StoredFrames> find_frames(const io::Hdf5File& file,
       break;
     }
   }
+  std::stable_partition(out.begin(), out.end(), [&](const StoredFrames& frames) {
+    return file.dataset(frames.name).item_size == 1;
+  });
   return out;
 }
 
@@ -157,11 +165,11 @@ void report_passed(const std::vector<io::Hdf5Dataset>& passed, const fs::path& p
   const std::string others =
       passed.size() == 1 ? "" : concat(" (and ", passed.size() - 1, " more like it)");
   auto& lines = contents.files.empty() ? contents.recording.warnings : contents.recording.notes;
-  lines.push_back(concat(path.string(), ": ", first.name, others,
-                         " is not read as frames: expected integers of 8 or 16 bits, found ",
-                         first.floating ? "floats" : "values", " of ", 8 * first.item_size,
-                         " bits; if these are the frames, convert them, or give images with ",
-                         "--frames DIR"));
+  lines.push_back(
+      concat(path.string(), ": ", first.name, others,
+             " is not read as frames: expected integers of 8 or 16 bits that are no depth, found ",
+             first.floating ? "floats" : "values", " of ", 8 * first.item_size,
+             " bits; if these are the frames, convert them, or give images with ", "--frames DIR"));
 }
 
 /// [1,H,W] or [3,H,W] in [0,1], with colours as RGB.
@@ -210,7 +218,12 @@ void add_single_pictures(const io::Hdf5File& file, const PictureGroups& groups,
                          const ReadOptions& options, Contents& contents) {
   if (groups.empty()) return;
   const auto named = groups.find("images");
-  const auto& [group, pictures] = named == groups.end() ? *groups.begin() : *named;
+  const auto bytes = std::find_if(groups.begin(), groups.end(), [](const auto& each) {
+    return each.second.front().item_size == 1;
+  });
+  const auto& [group, pictures] = named != groups.end()   ? *named
+                                  : bytes != groups.end() ? *bytes
+                                                          : *groups.begin();
   for (const auto& [other, left] : groups) {
     if (other == group) continue;
     contents.recording.notes.push_back(concat(file.path().string(), ": frames are those of ", group,

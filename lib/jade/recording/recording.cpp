@@ -288,6 +288,7 @@ void note_pauses(int64_t ahead_us, Recording& recording) {
     exposures.push_back({frame.name, {begin, end}});
     if (recording.events.slice(begin, end).empty()) without.push_back(frame.name);
   }
+  if (exposures.empty()) return;
   if (without.empty()) {
     const std::string fault = events::silence_fault(exposures, events::silences(recording.events));
     if (!fault.empty()) {

@@ -48,8 +48,7 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   if (data.dataset.undistorted && options.objective.target == losses::Target::kImageFolder) {
     warnings.emplace_back(
         "train.target_images: expected images without distortion, as the frames were undistorted "
-        "on "
-        "loading; those that jade_deblur wrote from this data set are, undistort others first");
+        "on loading; images that jade_deblur wrote from this data set fit; undistort others first");
   }
   for (const std::string& warning : warnings) log_warn(warning);
   if (data.dataset.train.empty()) {

@@ -46,10 +46,11 @@ std::string to_string(RunState state) {
   return "";
 }
 
-void SweepOutput::check_settings(const Plan& plan, const Resolver& resolve) const {
+void SweepOutput::check_settings(const Plan& plan, const Resolver& resolve, bool starts) const {
   std::string problems;
   for (const Run& run : plan.runs) {
-    if (begins_afresh(run.id()) || !fs::exists(settings_file(run.id()))) continue;
+    const bool may_differ = starts ? begins_afresh(run.id()) : state(run.id()) == RunState::kNew;
+    if (may_differ || !fs::exists(settings_file(run.id()))) continue;
     const Resolved saved = resolve({{settings_file(run.id()), {}, {}}});
     if (!saved.conflict.empty()) throw ConfigError(saved.conflict);
     std::string keys;
@@ -151,7 +152,7 @@ bool SweepOutput::can_resume(const std::string& id) const {
 
 bool SweepOutput::begins_afresh(const std::string& id) const {
   const RunState now = state(id);
-  return now != RunState::kRunning && now != RunState::kFinished && !can_resume(id);
+  return now == RunState::kNew || (now == RunState::kFailed && !can_resume(id));
 }
 
 }  // namespace jade::sweep

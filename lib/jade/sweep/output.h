@@ -40,10 +40,12 @@ class SweepOutput {
   std::filesystem::path outcome_file(const std::string& id) const { return task_file(id, ".json"); }
   std::filesystem::path log_file(const std::string& id) const { return task_file(id, ".log"); }
 
-  /// Compares the plan with the runs that have already started, except for begins_afresh().
+  /// Compares the plan with the runs that have already started, except for those that
+  /// begins_afresh().
   /// @throws ConfigError naming each key that differs (the key device may).
   /// @param resolve  reads the existing settings
-  void check_settings(const Plan& plan, const Resolver& resolve) const;
+  /// @param starts  false: failed runs will not begin afresh, so they are compared too
+  void check_settings(const Plan& plan, const Resolver& resolve, bool starts = true) const;
   /// Writes the settings of every run of the plan; a run that begins_afresh() with other settings
   /// is new again. @throws ConfigError as check_settings().
   void write_settings(const Plan& plan, const Resolver& resolve) const;
@@ -58,8 +60,8 @@ class SweepOutput {
   /// True if the run has a checkpoint to resume from.
   bool can_resume(const std::string& id) const;
 
-  /// True if nothing of the run would remain in another attempt: it is not running and has neither
-  /// a checkpoint nor a result.
+  /// True if nothing of the run would remain in another attempt: it has not started, or failed
+  /// without a checkpoint.
   bool begins_afresh(const std::string& id) const;
 
  private:

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <initializer_list>
+#include <map>
 #include <torch/types.h>
 #include <utility>
 
@@ -80,18 +81,24 @@ torch::Tensor shown(const torch::Tensor& image, const torch::Tensor& mask) {
   return image.defined() && mask.defined() ? image * mask.to(image.scalar_type()) : image;
 }
 
-/// The file in train.target_images that has the exposure's name.
-std::filesystem::path target_path(const data::Exposure& exposure,
-                                  const std::filesystem::path& folder) {
-  for (const auto& path : imaging::list_images(folder)) {
-    if (path.stem() == exposure.name) return path;
+/// The files in train.target_images that have the names of the exposures, in their order.
+std::vector<std::filesystem::path> target_paths(const data::Dataset& dataset,
+                                                const std::filesystem::path& folder) {
+  std::map<std::string, std::filesystem::path> found;
+  for (const auto& path : imaging::list_images(folder)) found.try_emplace(path.stem(), path);
+  std::vector<std::filesystem::path> paths;
+  for (const data::Exposure& exposure : dataset.train) {
+    const auto at = found.find(exposure.name);
+    if (at == found.end()) {
+      throw DataError(
+          concat(folder.string(), ": expected an image named ", exposure.name, ", found none"));
+    }
+    paths.push_back(at->second);
   }
-  throw DataError(
-      concat(folder.string(), ": expected an image named ", exposure.name, ", found none"));
+  return paths;
 }
 
-torch::Tensor target_image(const data::Exposure& exposure, const std::filesystem::path& folder) {
-  const std::filesystem::path path = target_path(exposure, folder);
+torch::Tensor target_image(const data::Exposure& exposure, const std::filesystem::path& path) {
   const auto image = imaging::read_image(path);
   if (image.sizes() != exposure.blurry.sizes()) {
     throw DataError(concat(path.string(), ": expected ", shape_string(exposure.blurry),
@@ -197,10 +204,13 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
   // A CPU that runs the restorer has no threads to spare.
   SumsAhead sums(dataset, how, restorer,
                  device.is_cuda() ? std::launch::async : std::launch::deferred);
+  std::vector<std::filesystem::path> targets(spans.size());
+  if (options.objective.target == losses::Target::kImageFolder)
+    targets = target_paths(dataset, options.train.target_images);
   for (size_t i = 0; i < spans.size(); ++i) {
     throw_if_interrupted();
     const data::Exposure exposure = masked(dataset.train[i]);
-    add(exposure, spans[i], masks, dataset.monochrome,
+    add(exposure, spans[i], masks, dataset.monochrome, targets[i],
         restore::restore_exposure(exposure, sums.next(), how, restorer));
     if (progress.step()) progress.show();
   }
@@ -210,7 +220,8 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
 }
 
 void ViewBank::add(const data::Exposure& exposure, const ExposureSpan& span, bool masks,
-                   bool monochrome, const restore::RestoredExposure& restored) {
+                   bool monochrome, const std::filesystem::path& target,
+                   const restore::RestoredExposure& restored) {
   const bool lasts = exposure.duration_us() > 0;
   if (is_routed()) {
     add_routed(exposure, restored.maps.voxel);
@@ -233,7 +244,7 @@ void ViewBank::add(const data::Exposure& exposure, const ExposureSpan& span, boo
   put(middle_efnet_, restored.restorations.efnet, mask);
   put(density_, restored.maps.density);
   if (options_.objective.target == losses::Target::kImageFolder) {
-    const torch::Tensor image = target_image(exposure, options_.train.target_images);
+    const torch::Tensor image = target_image(exposure, target);
     put(fixed_targets_, monochrome ? restore::without_tint(image) : image, exposure.mask);
   } else if (!restores_poses(options_) && !is_routed()) {
     put(fixed_targets_, restored_target(restored.restorations, options_), mask);
@@ -369,8 +380,8 @@ ConstantBytes ViewBank::bytes_on_device() const {
 std::string target_images_sha256(const data::Dataset& dataset, const RunOptions& options) {
   if (options.objective.target != losses::Target::kImageFolder) return "";
   Sha256 digest;
-  for (const data::Exposure& exposure : dataset.train) {
-    digest.update(file_sha256(target_path(exposure, options.train.target_images)));
+  for (const auto& path : target_paths(dataset, options.train.target_images)) {
+    digest.update(file_sha256(path));
   }
   return digest.hex();
 }

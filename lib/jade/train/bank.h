@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <future>
 #include <optional>
 #include <string>
@@ -79,8 +80,9 @@ class ViewBank {
   ConstantBytes bytes_on_device() const;
 
  private:
+  /// @param target  the image of objective.target image_folder, else empty
   void add(const data::Exposure& exposure, const ExposureSpan& span, bool masks, bool monochrome,
-           const restore::RestoredExposure& restored);
+           const std::filesystem::path& target, const restore::RestoredExposure& restored);
   /// Stores X_in and K(V) of an exposure, for a router and its loss.
   void add_routed(const data::Exposure& exposure, const events::EventVoxel& voxel);
   /// Moves to the device what fits.
