@@ -43,7 +43,7 @@ torch::Tensor slow_ramps(const EventStream& events, const TimeWindow& exposure, 
   const torch::Tensor x = near.x(), y = near.y(), t = near.t_us(), p = near.polarity();
   std::map<std::pair<int, int>, int64_t> before;
   for (int64_t i = 0; i < near.size(); ++i) {
-    EventFootprint f;
+    EventFootprint f{};
     if (!locate(x[i].item<float>(), y[i].item<float>(), width, height, f)) continue;
     const int column = std::clamp(f.column + (f.fx >= kWhole / 2 ? 1 : 0), 0, width - 1);
     const int row = std::clamp(f.row + (f.fy >= kWhole / 2 ? 1 : 0), 0, height - 1);
