@@ -31,7 +31,8 @@ struct Filmed {
 
   const torch::Tensor& sharp() const { return latent[geometry::kMidPose]; }
   torch::Tensor windows() const {
-    return events::edi_windows(maps.windows, {kThreshold, kThreshold});
+    return events::edi_windows({maps.windows.positive.clone(), maps.windows.negative.clone()},
+                               {kThreshold, kThreshold});
   }
 };
 

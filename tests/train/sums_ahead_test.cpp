@@ -38,8 +38,8 @@ TEST_CASE("sums ahead: each exposure's in its turn with what is cached, on threa
       CHECK(found.maps.density.equal(expected.maps.density));
       CHECK(found.windows.equal(expected.windows));
       CHECK(found.network.equal(expected.network));
-      CHECK(found.kept.defined() == (&exposure == &known));
-      if (found.kept.defined()) CHECK(found.kept.equal(restored));
+      CHECK(found.kept.images.defined() == (&exposure == &known));
+      if (found.kept.images.defined()) CHECK(found.kept.images.equal(restored));
       CHECK_FALSE((before.defined() && before.equal(found.maps.density)));
       before = found.maps.density;
     }

@@ -4,6 +4,7 @@
 #include <ATen/Parallel.h>
 #include <algorithm>
 #include <torch/types.h>
+#include <utility>
 #include <vector>
 
 #include "jade/core/check.h"
@@ -112,11 +113,12 @@ ExposureMaps sums_of(const EventStream& events, const Divisions& knots, const Im
 
 }  // namespace
 
-torch::Tensor edi_windows(const WindowCounts& counts, const Thresholds& thresholds) {
+torch::Tensor edi_windows(WindowCounts&& counts, const Thresholds& thresholds) {
   JADE_CHECK(thresholds.positive > 0 && thresholds.negative > 0,
              "expected thresholds above 0, found ", thresholds.positive, " and ",
              thresholds.negative);
-  return counts.positive * thresholds.positive - counts.negative * thresholds.negative;
+  const auto [positive, negative] = std::exchange(counts, {});
+  return positive.mul_(thresholds.positive).sub_(negative.mul_(thresholds.negative));
 }
 
 ExposureMaps map_exposure(const EventStream& events, const TimeWindow& exposure, int64_t bins,

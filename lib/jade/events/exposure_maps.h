@@ -18,8 +18,9 @@ struct WindowCounts {
 };
 
 /// w_j of the EDI integral: Θ⁺ P_j − Θ⁻ N_j, the change of log intensity over window j.
+/// @param counts  consumed: the result takes their memory, as large frames have 236 MB of either
 /// @return the shape of the counts, float32
-torch::Tensor edi_windows(const WindowCounts& counts, const Thresholds& thresholds);
+torch::Tensor edi_windows(WindowCounts&& counts, const Thresholds& thresholds);
 
 /// The event maps of an exposure that training uses.
 struct ExposureMaps {

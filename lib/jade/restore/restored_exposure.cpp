@@ -49,12 +49,12 @@ void restore_learned(const torch::Tensor& blurry, const ExposureSums& sums, bool
     if (count > 0) restored.efnet_at = middle.unsqueeze(0).expand({count, -1, -1, -1});
     return;
   }
-  torch::Tensor kept = sums.kept;
+  KeptEfnet kept = sums.kept;
   if (options.only_kept_times) kept = restorer.kept_efnet(blurry, events, times);
-  if (kept.defined()) {
-    restored.efnet_at = kept.to(restorer.device());
+  if (kept.images.defined()) {
+    restored.efnet_at = kept.images.to(restorer.device());
   } else if (!options.only_kept_times) {
-    restored.efnet_at = restorer.efnet(blurry, events, times);
+    restored.efnet_at = restorer.efnet(blurry, events, times, kept.key);
   }
   const auto found = std::find(times.begin(), times.end(), 0.5);
   const bool has_middle = restored.efnet_at.defined() && found != times.end();
@@ -82,8 +82,7 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
     sums.maps.windows = events::ramped_windows(recording, span, integral_samples(options) - 1,
                                                reach_of(options.events), size);
   }
-  sums.windows = events::edi_windows(sums.maps.windows, options.events.thresholds());
-  sums.maps.windows = {};
+  sums.windows = events::edi_windows(std::move(sums.maps.windows), options.events.thresholds());
   if (any_time) {
     sums.network = std::move(sums.maps.signed_windows);
   } else if (network != nullptr) {
@@ -96,6 +95,15 @@ void look_up(const data::Exposure& exposure, const RestoreOptions& options,
              const ViewRestorer& restorer, ExposureSums& sums) {
   if (!restorer.has_network() || options.times.empty() || exposure.duration_us() == 0) return;
   sums.kept = restorer.kept_efnet(exposure.blurry, sums.network, options.times);
+}
+
+void lock_pages(ExposureSums& sums) {
+  try {
+    sums.windows = sums.windows.pin_memory();
+    if (sums.network.defined()) sums.network = sums.network.pin_memory();
+  } catch (const c10::Error&) {
+    // Copies from other memory only take longer.
+  }
 }
 
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network) {

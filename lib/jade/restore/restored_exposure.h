@@ -52,7 +52,7 @@ struct ExposureSums {
   events::ExposureMaps maps;  ///< as RestoredExposure's
   torch::Tensor windows;      ///< as RestoredExposure's
   torch::Tensor network;      ///< input of the network; undefined without one
-  torch::Tensor kept;         ///< F at RestoreOptions::times, if look_up() found it in the cache
+  KeptEfnet kept;             ///< F at RestoreOptions::times, if look_up() found it in the cache
 };
 
 /// Thread-safe, also in parallel with restore_exposure().
@@ -65,6 +65,10 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
 /// called on any thread.
 void look_up(const data::Exposure& exposure, const RestoreOptions& options,
              const ViewRestorer& restorer, ExposureSums& sums);
+
+/// Moves windows and the network's input to page-locked memory, if there is enough: a GPU reads it
+/// many times as fast. May be called on any thread.
+void lock_pages(ExposureSums& sums);
 
 /// Approximate peak bytes per pixel of the image that sum_events() needs.
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network);

@@ -2,6 +2,7 @@
 #include "jade/restore/view_restorer.h"
 
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/check.h"
 #include "jade/core/device.h"
@@ -63,18 +64,19 @@ std::string ViewRestorer::efnet_key(const torch::Tensor& blurry, const torch::Te
   return restoration_key(recipe, inputs);
 }
 
-torch::Tensor ViewRestorer::kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
-                                       const std::vector<double>& times) const {
+KeptEfnet ViewRestorer::kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
+                                   const std::vector<double>& times) const {
   check_times(times);
   if (cache_.folder().empty()) return {};
-  const auto kept = cache_.peek(efnet_key(blurry, events, times), entry_shape(blurry, times));
-  return kept ? by_moment(*kept) : torch::Tensor();
+  std::string key = efnet_key(blurry, events, times);
+  const auto kept = cache_.peek(key, entry_shape(blurry, times));
+  return {std::move(key), kept ? by_moment(*kept) : torch::Tensor()};
 }
 
 torch::Tensor ViewRestorer::efnet(const torch::Tensor& blurry, const torch::Tensor& events,
-                                  const std::vector<double>& times) {
+                                  const std::vector<double>& times, std::string key) {
   check_times(times);
-  const std::string key = cache_.folder().empty() ? "" : efnet_key(blurry, events, times);
+  if (key.empty() && !cache_.folder().empty()) key = efnet_key(blurry, events, times);
   if (const auto kept = cache_.find(key, entry_shape(blurry, times))) {
     return by_moment(*kept).to(device_);
   }

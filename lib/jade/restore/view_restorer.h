@@ -12,6 +12,12 @@
 
 namespace jade::restore {
 
+/// What the cache has of one exposure.
+struct KeptEfnet {
+  std::string key;       ///< of the cache; empty without a cache
+  torch::Tensor images;  ///< [K,3,H,W] on the CPU, or undefined
+};
+
 /// Restores views by EFNet through the disk cache. Loads the network when the first view is missing
 /// in the cache, so never if all are cached, or uses one whose loading has started. EDI is not
 /// cached: hashing its windows takes longer than computing it.
@@ -34,13 +40,14 @@ class ViewRestorer {
 
   /// F(B, V, t) at several moments of an exposure, [K,3,H,W], cached as one entry. Several are in
   /// half precision, as training keeps them; one is in float32.
+  /// @param key  KeptEfnet::key of these inputs, if known: it takes long to compute.
   /// @throws DataError as check_times.
   torch::Tensor efnet(const torch::Tensor& blurry, const torch::Tensor& events,
-                      const std::vector<double>& times);
+                      const std::vector<double>& times, std::string key = "");
 
-  /// F from the cache, on the CPU, or undefined. May be called on any thread.
-  torch::Tensor kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
-                           const std::vector<double>& times) const;
+  /// Looks F up in the cache. May be called on any thread.
+  KeptEfnet kept_efnet(const torch::Tensor& blurry, const torch::Tensor& events,
+                       const std::vector<double>& times) const;
 
   /// Metadata of the network's file, without loading it. @throws DataError.
   const RestorerMetadata& metadata() const;

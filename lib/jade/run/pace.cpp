@@ -161,8 +161,8 @@ double measure_restorer(const data::Dataset& dataset, const train::RunOptions& o
     return is_blurred(exposure) ? times : std::vector<double>{0.5};
   };
   const data::Exposure& last = dataset.train.back();
-  if (kept.kept_efnet(image, events, times_of(one)).defined() &&
-      kept.kept_efnet(last.blurry.to(device), events_of(last), times_of(last)).defined()) {
+  if (kept.kept_efnet(image, events, times_of(one)).images.defined() &&
+      kept.kept_efnet(last.blurry.to(device), events_of(last), times_of(last)).images.defined()) {
     return 0;
   }
   restore::Restorer network =

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <initializer_list>
 #include <map>
+#include <torch/cuda.h>
 #include <torch/types.h>
 #include <utility>
 
@@ -202,18 +203,30 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
     weights_ = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
   }
   // A CPU that runs the restorer has no threads to spare.
-  SumsAhead sums(dataset, how, restorer,
-                 device.is_cuda() ? std::launch::async : std::launch::deferred);
+  const std::launch policy = device.is_cuda() ? std::launch::async : std::launch::deferred;
+  SumsAhead sums(dataset, how, restorer, policy);
   std::vector<std::filesystem::path> targets(spans.size());
   if (options.objective.target == losses::Target::kImageFolder)
     targets = target_paths(dataset, options.train.target_images);
+  std::future<void> stored;  // of the exposure before, while the network restores the next
   for (size_t i = 0; i < spans.size(); ++i) {
     throw_if_interrupted();
     const data::Exposure exposure = masked(dataset.train[i]);
-    add(exposure, spans[i], masks, dataset.monochrome, targets[i],
-        restore::restore_exposure(exposure, sums.next(), how, restorer));
+    restore::RestoredExposure restored =
+        restore::restore_exposure(exposure, sums.next(), how, restorer);
+    if (stored.valid()) stored.get();
+    // Other threads use another stream: they must find these tensors complete, and may reuse the
+    // memory of the windows as soon as it is freed.
+    if (device.is_cuda()) torch::cuda::synchronize(device.index());
+    restored.windows.reset();
+    stored = std::async(policy, [this, &dataset, &spans, &targets, i, masks, exposure, restored] {
+      const torch::NoGradGuard no_grad;
+      add(exposure, spans[i], masks, dataset.monochrome, targets[i], restored);
+    });
+    if (!device.is_cuda()) stored.get();
     if (progress.step()) progress.show();
   }
+  if (stored.valid()) stored.get();
   restorer.leave();
   restorer.note_restored(options.dataset.path);
   place(most_device_bytes);

@@ -20,7 +20,7 @@ SumsAhead::SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions
       network_(restorer.has_network() ? &restorer.metadata() : nullptr),
       policy_(policy) {
   if (dataset.train.empty()) return;
-  constexpr int64_t kMostBytes = int64_t(512) << 20;
+  constexpr int64_t kMostBytes = int64_t{2} << 30;
   const auto& camera = dataset.train.front().camera;
   const int64_t bytes =
       restore::sum_bytes_per_pixel(options, network_) * int64_t(camera.width) * camera.height;
@@ -42,6 +42,7 @@ void SumsAhead::begin() {
     const data::Exposure exposure = masked(dataset_.train[index]);
     restore::ExposureSums sums = restore::sum_events(exposure, dataset_.events, options_, network_);
     restore::look_up(exposure, options_, restorer_, sums);
+    if (restorer_.device().is_cuda()) restore::lock_pages(sums);
     return sums;
   }));
   ++begun_upto_;
