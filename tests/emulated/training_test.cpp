@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "emulated/block.h"
-#include "jade/gaussians/regularization.h"
 #include "jade/response/camera_response.h"
 #include "support/backend_agreement.h"
 
@@ -17,7 +16,6 @@
 #include "jade/events/count.h"
 #include "jade/gaussians/adam.h"
 #include "jade/gaussians/noise.h"
-#include "jade/gaussians/regularization_kernels.h"
 #include "jade/geometry/exposure_path.h"
 #include "jade/losses/event_loss_kernels.h"
 #include "jade/losses/poses_kernels.h"
@@ -414,26 +412,6 @@ TEST_CASE("emulated cuda: the noise of MCMC is the CPU's", "[emulated]") {
   CHECK(expected.abs().max().item<double>() > 0);
   const Tensor found = moved([](const auto& step) { gaussians::emulated_cuda::add_noise(step); });
   CHECK(torch::allclose(found, expected, 1e-4, 1e-7));
-}
-
-TEST_CASE("emulated cuda: the regularization of MCMC and its gradient", "[emulated]") {
-  torch::manual_seed(9);
-  for (const int64_t count : {1, 700, 90000}) {
-    Tensor logits = 2 * torch::randn({count}), scales = torch::randn({count, 3}) - 3;
-    logits.requires_grad_();
-    scales.requires_grad_();
-    const Tensor expected = gaussians::mean_opacity_and_scale(logits, scales, 0.3, 0.7);
-    (2 * expected).backward();
-    const gaussians::Regularized in{logits.detach(), scales.detach(), 0.3, 0.7};
-    Tensor value = torch::empty({}), of_logits = torch::empty({count}),
-           of_scales = torch::empty({count, 3});
-    gaussians::emulated_cuda::regularization(in, value);
-    gaussians::emulated_cuda::regularization_gradient(in, torch::tensor(2.f), of_logits, of_scales);
-    INFO(count << " Gaussians");
-    CHECK(torch::allclose(value, expected.detach(), 1e-5, 1e-7));
-    CHECK(torch::allclose(of_logits, logits.grad(), 1e-4, 1e-10));
-    CHECK(torch::allclose(of_scales, scales.grad(), 1e-4, 1e-10));
-  }
 }
 
 TEST_CASE("emulated cuda: buffers of any length and alignment are copied", "[emulated]") {

@@ -22,24 +22,3 @@ TEST_CASE("mcmc: the regularization is the weighted means of opacity and scale",
   CHECK(torch::allclose(logits.grad(), 0.2 / 3 * opacities * (1 - opacities)));
   CHECK(torch::allclose(scales.grad(), 0.3 / 9 * sizes));
 }
-
-TEST_CASE("cuda: the regularization of MCMC and its gradient are the CPU's", "[gaussians][cuda]") {
-  torch::manual_seed(3);
-  for (const int64_t count : {1, 90000}) {
-    const Tensor logits = 2 * torch::randn({count}), scales = torch::randn({count, 3}) - 3;
-    std::vector<Tensor> values, of_logits, of_scales;
-    for (const torch::Device device : {torch::Device(torch::kCPU), torch::Device(torch::kCUDA)}) {
-      const Tensor a = logits.to(device, torch::kFloat32, false, /*copy=*/true).requires_grad_();
-      const Tensor b = scales.to(device, torch::kFloat32, false, /*copy=*/true).requires_grad_();
-      values.push_back(gaussians::mean_opacity_and_scale(a, b, 0.3, 0.7));
-      (2 * values.back()).backward();
-      values.back() = values.back().detach().cpu();
-      of_logits.push_back(a.grad().cpu());
-      of_scales.push_back(b.grad().cpu());
-    }
-    INFO(count << " Gaussians");
-    CHECK(torch::allclose(values[1], values[0], 1e-5, 1e-7));
-    CHECK(torch::allclose(of_logits[1], of_logits[0], 1e-4, 1e-10));
-    CHECK(torch::allclose(of_scales[1], of_scales[0], 1e-4, 1e-10));
-  }
-}

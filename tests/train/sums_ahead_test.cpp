@@ -29,7 +29,7 @@ TEST_CASE("sums ahead: each exposure's in its turn with what is cached, on threa
   const torch::Tensor restored = restore::ViewRestorer(run.cache, run.efnet, torch::kCPU)
                                      .efnet(known.blurry, network_input(known), options.times);
   for (const std::launch policy : {std::launch::async, std::launch::deferred}) {
-    SumsAhead sums(dataset, options, restorer, policy);
+    SumsAhead sums(dataset, options, restorer, policy, 0);
     torch::Tensor before;
     for (const data::Exposure& exposure : dataset.train) {
       const restore::ExposureSums found = sums.next();
@@ -55,7 +55,7 @@ TEST_CASE("sums ahead: what one throws is reported in its turn, and leaving earl
   dataset.train[1].camera.width = 0;
   const restore::RestoreOptions options;
   const restore::ViewRestorer no_network({false, {}, 1}, std::nullopt, torch::kCPU);
-  SumsAhead sums(dataset, options, no_network, std::launch::async);
+  SumsAhead sums(dataset, options, no_network, std::launch::async, 0);
   CHECK(sums.next().maps.density.defined());
   CHECK_THROWS(sums.next());
 }

@@ -2,7 +2,6 @@
 #include "jade/core/cuda_runtime.h"
 
 #include <ATen/Context.h>
-#include <ATen/core/CachingHostAllocator.h>
 #include <ATen/cuda/CUDAContextLight.h>
 #include <algorithm>
 #include <c10/cuda/CUDACachingAllocator.h>
@@ -68,10 +67,7 @@ void limit_memory(int index, int64_t bytes) {
 int64_t trim_memory(int index, int64_t keep_bytes) {
   namespace allocator = c10::cuda::CUDACachingAllocator;
   const auto device = static_cast<c10::DeviceIndex>(index);
-  if (keep_bytes == 0) {
-    at::cuda::clearCublasWorkspaces();
-    at::getHostAllocator(at::kCUDA)->empty_cache();
-  }
+  if (keep_bytes == 0) at::cuda::clearCublasWorkspaces();
   const auto before = allocator::getDeviceStats(device);
   const int64_t reserved = before.reserved_bytes[0].current;
   if (reserved - before.allocated_bytes[0].current <= keep_bytes) return 0;

@@ -33,8 +33,7 @@ void limit_threads_beside(torch::Device device);
 
 /// Returns cached GPU memory to the driver if the allocator holds more than `keep_bytes` beyond
 /// what tensors use. Synchronises the device when it does; does nothing on the CPU. With 0 it also
-/// frees unused page-locked memory and the workspaces of matrix products, so no recorded graph may
-/// use one.
+/// frees the workspaces of matrix products, so no recorded graph may use one.
 /// @return number of bytes returned
 int64_t trim_device_memory(torch::Device device, int64_t keep_bytes);
 

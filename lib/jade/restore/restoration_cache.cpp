@@ -7,6 +7,7 @@
 #include <fstream>
 #include <mutex>
 #include <set>
+#include <torch/cuda.h>
 #include <torch/types.h>
 #include <unistd.h>
 
@@ -204,15 +205,20 @@ void RestorationCache::keep(const std::string& key, const torch::Tensor& image) 
   if (kept_bytes_ + bytes > max_bytes_) return;
   kept_bytes_ += bytes;
   ++kept_;
-  const torch::Tensor values = image.detach()
-                                   .to(torch::kCPU, half ? torch::kHalf : torch::kFloat32,
-                                       /*non_blocking=*/false, /*copy=*/true)
-                                   .contiguous();
+  // The other thread's stream must find it complete.
+  if (image.is_cuda()) torch::cuda::synchronize(image.device().index());
+  const auto to_cpu = [half](const torch::Tensor& values) {
+    return values.to(torch::kCPU, half ? torch::kHalf : torch::kFloat32, /*non_blocking=*/false,
+                     /*copy=*/true);
+  };
+  // The caller may change an image on the CPU.
+  const torch::Tensor values = image.is_cuda() ? image.detach() : to_cpu(image.detach());
   writing_key_ = key;
-  writing_ =
-      std::async(std::launch::async, [path = file_of(folder_, key), values]() -> std::string {
+  writing_ = std::async(
+      std::launch::async, [path = file_of(folder_, key), values, to_cpu]() -> std::string {
         try {
-          write_entry(path, values);
+          const torch::NoGradGuard no_grad;
+          write_entry(path, (values.is_cuda() ? to_cpu(values) : values).contiguous());
         } catch (const std::exception& problem) {
           return problem.what();
         }

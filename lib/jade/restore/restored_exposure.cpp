@@ -97,12 +97,12 @@ void look_up(const data::Exposure& exposure, const RestoreOptions& options,
   sums.kept = restorer.kept_efnet(exposure.blurry, sums.network, options.times);
 }
 
-void lock_pages(ExposureSums& sums) {
+void upload(torch::Device device, ExposureSums& sums) {
   try {
-    sums.windows = sums.windows.pin_memory();
-    if (sums.network.defined()) sums.network = sums.network.pin_memory();
-  } catch (const c10::Error&) {
-    // Copies from other memory only take longer.
+    sums.windows = sums.windows.to(device);
+    if (sums.network.defined()) sums.network = sums.network.to(device);
+  } catch (const c10::OutOfMemoryError&) {
+    // restore_exposure() copies the rest when the network has freed its memory.
   }
 }
 

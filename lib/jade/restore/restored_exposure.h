@@ -47,7 +47,8 @@ struct RestoredExposure {
   torch::Tensor efnet_at;
 };
 
-/// The events of an exposure, summed as its restoration needs them; on the CPU.
+/// The events of an exposure, summed as its restoration needs them; on the CPU, or after upload()
+/// on the device.
 struct ExposureSums {
   events::ExposureMaps maps;  ///< as RestoredExposure's
   torch::Tensor windows;      ///< as RestoredExposure's
@@ -66,9 +67,9 @@ ExposureSums sum_events(const data::Exposure& exposure, const events::EventStrea
 void look_up(const data::Exposure& exposure, const RestoreOptions& options,
              const ViewRestorer& restorer, ExposureSums& sums);
 
-/// Moves windows and the network's input to page-locked memory, if there is enough: a GPU reads it
-/// many times as fast. May be called on any thread.
-void lock_pages(ExposureSums& sums);
+/// Copies windows and the network's input to the device, if they fit there. May be called on any
+/// thread; waits for the copies.
+void upload(torch::Device device, ExposureSums& sums);
 
 /// Approximate peak bytes per pixel of the image that sum_events() needs.
 int64_t sum_bytes_per_pixel(const RestoreOptions& options, const RestorerMetadata* network);

@@ -204,7 +204,8 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
   }
   // A CPU that runs the restorer has no threads to spare.
   const std::launch policy = device.is_cuda() ? std::launch::async : std::launch::deferred;
-  SumsAhead sums(dataset, how, restorer, policy);
+  // The memory that constants take later is free until then.
+  SumsAhead sums(dataset, how, restorer, policy, most_device_bytes);
   std::vector<std::filesystem::path> targets(spans.size());
   if (options.objective.target == losses::Target::kImageFolder)
     targets = target_paths(dataset, options.train.target_images);
@@ -286,17 +287,15 @@ void ViewBank::place(int64_t most_bytes) {
   const auto place_kinds = [&](std::initializer_list<PerView*> kinds) {
     for (PerView* const kind : kinds) move(*kind, device_);
   };
+  int64_t frames = bytes_of(fixed_targets_) + bytes_of(measured_) + bytes_of(masks_);
+  for (const torch::Tensor& each : measured_) frames += 2 * each.narrow(0, 0, 3).nbytes();
+  const bool near = budget.take(frames) || all || is_routed();
+  if (near) place_kinds({&measured_, &masks_, &fixed_targets_});
   for (const torch::Tensor& each : measured_) {
     const auto target = imaging::ssim_target(each.narrow(0, 0, 3).to(device_));
-    put(window_means_, target.mean);
-    put(window_squares_, target.square);
-  }
-  int64_t frames = bytes_of(fixed_targets_);
-  for (const PerView* const kind : {&measured_, &window_means_, &window_squares_, &masks_}) {
-    frames += bytes_of(*kind);
-  }
-  if (budget.take(frames) || all || is_routed()) {
-    place_kinds({&measured_, &window_means_, &window_squares_, &masks_, &fixed_targets_});
+    const torch::Device where = near ? device_ : torch::kCPU;
+    window_means_.push_back(target.mean.to(where));
+    window_squares_.push_back(target.square.to(where));
   }
   if (budget.take(bytes_of(edi_) + bytes_of(target_edi_)) || all) {
     place_kinds({&edi_, &target_edi_});

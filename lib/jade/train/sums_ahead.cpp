@@ -13,12 +13,14 @@ data::Exposure masked(const data::Exposure& exposure) {
 }
 
 SumsAhead::SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions& options,
-                     const restore::ViewRestorer& restorer, std::launch policy)
+                     const restore::ViewRestorer& restorer, std::launch policy,
+                     int64_t most_device_bytes)
     : dataset_(dataset),
       options_(options),
       restorer_(restorer),
       network_(restorer.has_network() ? &restorer.metadata() : nullptr),
-      policy_(policy) {
+      policy_(policy),
+      most_device_bytes_(most_device_bytes) {
   if (dataset.train.empty()) return;
   constexpr int64_t kMostBytes = int64_t{2} << 30;
   const auto& camera = dataset.train.front().camera;
@@ -42,7 +44,11 @@ void SumsAhead::begin() {
     const data::Exposure exposure = masked(dataset_.train[index]);
     restore::ExposureSums sums = restore::sum_events(exposure, dataset_.events, options_, network_);
     restore::look_up(exposure, options_, restorer_, sums);
-    if (restorer_.device().is_cuda()) restore::lock_pages(sums);
+    const auto bytes = static_cast<int64_t>(sums.windows.nbytes());
+    constexpr int64_t kLeastBytes = 64 << 20;  // fewer are copied in a hundredth of a second
+    if (bytes >= kLeastBytes && bytes * int64_t(at_once_ + 1) <= most_device_bytes_) {
+      restore::upload(restorer_.device(), sums);
+    }
     return sums;
   }));
   ++begun_upto_;

@@ -18,8 +18,10 @@ class SumsAhead {
  public:
   /// All arguments must outlive it.
   /// @param policy  std::launch::deferred: computes nothing ahead of time
+  /// @param most_device_bytes  Large sums are copied to the restorer's device if those of all
+  ///   exposures at one time need less.
   SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions& options,
-            const restore::ViewRestorer& restorer, std::launch policy);
+            const restore::ViewRestorer& restorer, std::launch policy, int64_t most_device_bytes);
 
   /// Sums of the next exposure. Call it at most once per exposure.
   restore::ExposureSums next();
@@ -32,6 +34,7 @@ class SumsAhead {
   const restore::ViewRestorer& restorer_;
   const restore::RestorerMetadata* network_;  ///< null if there is none
   std::launch policy_;
+  int64_t most_device_bytes_;
   size_t at_once_ = 1, begun_upto_ = 0;
   // last member: destroyed before the data that it reads
   std::deque<std::future<restore::ExposureSums>> begun_;
