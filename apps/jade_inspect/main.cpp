@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Prints the content and the problems of a recording, a data set, a run or a file of Gaussians.
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <torch/types.h>
+#include <vector>
 
 #include "common/cli.h"
 #include "common/dataset_flags.h"
@@ -12,6 +15,7 @@
 #include "jade/data/colmap_scene.h"
 #include "jade/data/dataset.h"
 #include "jade/gaussians/scene_file.h"
+#include "jade/import/clock_offset.h"
 #include "jade/recording/event_folder.h"
 #include "jade/recording/format.h"
 #include "jade/run/checkpoint.h"
@@ -45,6 +49,27 @@ std::string training_arguments(data::DatasetOptions options) {
          apps::shell_word(apps::folder_apart(fs::path("runs") / folder.filename(), folder));
 }
 
+/// Says by how much the events' clock differs from the frames'; empty if they agree or do not tell.
+std::string clock_problem(const data::Dataset& dataset) {
+  constexpr double kLeast_us = 3000;  // the estimate is within 1 ms on data sets of one clock
+  if (dataset.events.empty() || dataset.train.empty()) return "";
+  std::vector<data::Exposure> exposures;
+  for (const data::Exposure& exposure : dataset.train) {
+    const bool same = exposure.blurry.sizes() == dataset.train.front().blurry.sizes();
+    if (same && exposure.duration_us() > 0) exposures.push_back(exposure);
+  }
+  const import::ClockOffset found = import::estimate_clock_offset(exposures, dataset.events);
+  if (found.ambiguous() || std::abs(found.offset_us) < std::max(kLeast_us, 3 * found.error_us)) {
+    return "";
+  }
+  const auto ms = static_cast<double>(std::llround(found.offset_us / 100)) / 10;
+  return concat(dataset.root.string(), ": events are ", std::abs(ms), " ms ",
+                ms > 0 ? "later" : "earlier", " than the changes of the frames that caused them ",
+                "(correlation ", static_cast<double>(std::llround(100 * found.correlation)) / 100,
+                "): the clocks differ; ", ms > 0 ? "subtract that from" : "add that to",
+                " the times of the events");
+}
+
 ExitCode inspect(const train::RunOptions& settings, double log_offset,
                  const apps::Program& program) {
   const data::DatasetOptions& options = settings.dataset;
@@ -56,6 +81,9 @@ ExitCode inspect(const train::RunOptions& settings, double log_offset,
       inspection.dataset, run::data_fingerprint(inspection.dataset), log_offset, settings.cache);
   if (inspection.thresholds.flip) {
     inspection.problems.push_back(run::flip_warning(inspection.dataset, inspection.thresholds));
+  }
+  if (const std::string clock = clock_problem(inspection.dataset); !clock.empty()) {
+    inspection.problems.push_back(clock);
   }
   inspection.pattern = data::estimate_pattern(inspection.dataset);
   if (program.json()) {

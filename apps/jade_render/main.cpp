@@ -269,12 +269,20 @@ void write_images(const Subject& subject, const std::vector<data::NamedCamera>& 
   if (film) imaging::write_image(output / (film->name + "_blurry." + format), film->blurry);
   apps::DepthFiles depth(output, flags.depth_step);
   Progress progress("render", static_cast<int64_t>(views.size()), 0, "view");
+  std::vector<std::string> black;
   for (const data::NamedCamera& view : views) {
     throw_if_interrupted();
     const splat::RenderOutput out = render_all(subject, view);
+    if (out.color.max().item<float>() <= 0) black.push_back(view.name);
     imaging::write_image(output / (view.name + "." + format), out.color[0]);
     if (flags.depth) depth.write(view.name, out);
     if (progress.step()) progress.show(view.name);
+  }
+  if (!black.empty()) {
+    log_warn(concat(black.size(), " of ", views.size(), " views are black, ", black.front(),
+                    black.size() > 1 ? " first" : "",
+                    ": no Gaussian lies before these cameras; check that their poses are "
+                    "camera_from_world of this scene, z forward and y down"));
   }
   depth.finish();
 }

@@ -8,6 +8,7 @@
 #include <torch/types.h>
 
 #include "jade/data/dataset.h"
+#include "jade/data/evdeblur_writer.h"
 #include "jade/gaussians/ply.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
@@ -101,6 +102,29 @@ TEST_CASE("jade_inspect: names all image sizes", "[apps]") {
   const Outcome outcome = run(dir, "jade_inspect scene --split none");
   INFO(outcome.err);
   CHECK_THAT(outcome.out, test::naming("40x30", "20x36"));
+}
+
+TEST_CASE("jade_inspect: events by another clock than the frames' are a problem", "[apps]") {
+  const test::TempDir dir;
+  const Outcome made =
+      run(dir,
+          "jade_simulate --quiet --set simulate.width=120 --set simulate.height=90 --set "
+          "simulate.focal_px=120 --set simulate.exposures=5 --set simulate.test_views=2 --set "
+          "simulate.sampling.samples=1 --output scene");
+  INFO(made.err);
+  REQUIRE(made.code == 0);
+  const auto problem = [&] { return run(dir, "jade_inspect scene").out; };
+  CHECK_THAT(problem(), Catch::Contains("No problems found"));
+  data::DatasetOptions options;
+  options.path = dir / "scene";
+  const events::EventStream events = data::load_dataset(options).events;
+  for (const auto& [shift_us, said] :
+       {std::pair{20000, "ms later than the changes"}, {-20000, "ms earlier than the changes"}}) {
+    data::write_event_file(dir / "scene" / "events.h5",
+                           {events.x(), events.y(), events.t_us() + shift_us, events.polarity()});
+    CHECK_THAT(problem(), Catch::Contains(said));
+    CHECK_THAT(problem(), Catch::Contains("the clocks differ"));
+  }
 }
 
 TEST_CASE("jade_inspect: what is none of the three gets one line", "[apps]") {

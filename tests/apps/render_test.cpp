@@ -115,6 +115,24 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("jade_render: views that see no Gaussian are named", "[apps]") {
+  const TrainedScene scene;
+  const auto render = [&](const char* z) {
+    scene.dir.write("away.json",
+                    concat("[{\"id\": 0, \"img_name\": \"there\", \"width\": 32, \"height\": 24, "
+                           "\"position\": [0, 0, ",
+                           z,
+                           "], \"rotation\": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "
+                           "\"fx\": 40, \"fy\": 40}]"));
+    return scene.render("--cameras away.json --output seen" + std::string(z));
+  };
+  const Outcome away = render("1000");
+  INFO(away.err);
+  CHECK(away.code == 0);
+  CHECK_THAT(away.err, Catch::Contains("1 of 1 views are black, there"));
+  CHECK_THAT(render("-1").err, !Catch::Contains("black"));
+}
+
 TEST_CASE("jade_render: films of dark frames are brightened, images keep their values", "[apps]") {
   const TrainedScene scene;
   const auto mean_of_film = [&](const std::string& flags) {

@@ -116,6 +116,15 @@ TEST_CASE("scene file: .compressed.ply leaves out degrees of SH that are 0 every
   }
 }
 
+TEST_CASE("scene file: endings may have capitals", "[gaussians]") {
+  const test::TempDir dir;
+  for (const char* const name : {"a.PLY", "a.Spz", "a.SOG", "a.GLB", "a.SPLAT"}) {
+    INFO(name);
+    write_scene_file(dir / name, {test::random_gaussians(10, 1), false});
+    CHECK(read_gaussians(dir / name).gaussians.size() == 10);
+  }
+}
+
 TEST_CASE("scene file: SH in .compressed.ply are right on average", "[gaussians]") {
   const test::TempDir dir;
   for (const double value : {-0.9, -0.01, 0.001, 0.02}) {

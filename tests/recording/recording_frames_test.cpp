@@ -196,6 +196,9 @@ TEST_CASE("recording: frames of a folder have the times of a list before those o
   options.frame_times.clear();
   dir.write("frames/exposures.csv", "f0,10,20\nf1,30,40\n");
   CHECK(read_recording(raw, options).frames[1].t_start_us == 30);
+  dir.write("frames/exposures.csv", "name,start_us,end_us,gain\nf0,10,20,1\nf1,30,40,1\n");
+  CHECK_THAT(error_of([&] { read_recording(raw, options); }),
+             test::naming("three columns", "\"name,start_us\" before \"end_us\""));
   options.frames = dir / "nowhere";
   CHECK_THAT(error_of([&] { read_recording(raw, options); }), test::naming("images", "video"));
   options.frames = dir / "programs";

@@ -142,6 +142,26 @@ TEST_CASE("exposure poses: the poses that a step reads are those of all nine", "
   }
 }
 
+TEST_CASE("exposure poses: frames of a model without times start with some motion", "[train]") {
+  const test::TinyScene scene;
+  data::Dataset dataset = data::load_dataset(test::tiny_options(scene).dataset);
+  for (data::Exposure& exposure : dataset.train) exposure.poses.fill(exposure.poses[4]);
+  const auto first_motion = [&](PosePath path, PoseStart start) {
+    const torch::Tensor nine =
+        nine_poses(train::ExposurePoses(learned(path, start), dataset), dataset, 1);
+    return test::largest(nine[0] - nine[8]);
+  };
+  for (const PosePath path : {PosePath::kLinear, PosePath::kCubic}) {
+    for (const PoseStart start : {PoseStart::kLine, PoseStart::kData}) {
+      dataset.events = data::load_dataset(test::tiny_options(scene).dataset).events;
+      CHECK(first_motion(path, start) < 1e-6);
+      dataset.events = {};
+      CHECK(first_motion(path, start) > 1e-5);
+      CHECK(first_motion(path, start) < 2e-2);
+    }
+  }
+}
+
 TEST_CASE("exposure poses: one that a step did not see keeps still to the bit", "[train]") {
   const test::TinyScene scene;
   PoseBench bench(scene, learned(PosePath::kCubic, PoseStart::kLine));

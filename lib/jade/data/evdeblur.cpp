@@ -59,7 +59,8 @@ fs::path times_file(const fs::path& root, const fs::path& images) {
                          ": missing; it must hold timestamps_start and timestamps_end, one each a "
                          "frame",
                          find_colmap_model(root).empty()
-                             ? ""
+                             ? "; frames without times or events need a COLMAP model or "
+                               "transforms.json instead of poses_bounds.npy"
                              : "; set dataset.kind colmap to read the frames without times or "
                                "events, by the COLMAP model"));
 }

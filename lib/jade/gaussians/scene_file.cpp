@@ -10,6 +10,7 @@
 #include "jade/core/check.h"
 #include "jade/core/log.h"
 #include "jade/core/readable.h"
+#include "jade/core/text.h"
 #include "jade/gaussians/file_values.h"
 #include "jade/gaussians/gltf_file.h"
 #include "jade/gaussians/ply_kind.h"
@@ -78,7 +79,7 @@ std::optional<SceneKind> kind_of_content(const fs::path& path) {
 }
 
 std::optional<SceneKind> kind_of_ending(const fs::path& path) {
-  const std::string ending = path.extension().string();
+  const std::string ending = in_small_letters(path.extension().string());
   for (const auto& [known, kind] :
        {std::pair{".ply", SceneKind::kPly}, std::pair{".spz", SceneKind::kSpz},
         std::pair{".sog", SceneKind::kSog}, std::pair{".glb", SceneKind::kGltf},

@@ -70,6 +70,10 @@ enum class Third { kEnd, kLength };
 /// @throws DataError naming an unknown column.
 Third read_header(const std::string& at, std::array<std::string, 3> columns) {
   for (std::string& name : columns) name = in_small_letters(name);
+  if (const auto further = columns[0].find_first_of(",;\t"); further != std::string::npos) {
+    throw DataError(concat(at, ": expected three columns, name,start_us,end_us, found more: \"",
+                           columns[0], "\" before \"", columns[1], "\"; leave the others out"));
+  }
   if (is_one_of(columns[1], {"start_us", "start", "begin_us", "begin", "t_start_us", "t_start"})) {
     if (is_one_of(columns[2], {"end_us", "end", "stop_us", "stop", "t_end_us", "t_end"}))
       return Third::kEnd;

@@ -360,7 +360,9 @@ size_t time_column(const NumberList& list) {
   if (has_frame_numbers(list)) return 1;
   throw DataError(concat(list.path.string(), ": expected one time per frame, found ",
                          list.rows[0][0], " and ", list.rows[0][1],
-                         " for the first; write one number per line, with a decimal point"));
+                         " for the first; write one number per line, with a decimal point, or, if "
+                         "these are the start and end of its exposure, give the file with "
+                         "--frame-times"));
 }
 
 void note_single_times(const fs::path& list, Recording& recording) {
@@ -392,8 +394,9 @@ std::vector<fs::path> list_folders(const fs::path& images, const fs::path& root)
       return std::find(words.begin(), words.end(), word) != words.end();
     };
     const bool is_side = !words.empty() && (words.back() == "left" || words.back() == "right");
-    const bool is_part = is_side || has("image") || has("images") || has("frame") ||
-                         has("frames") || has("rectified") || has("distorted") || has("data");
+    const bool is_part = is_side || has("image") || has("images") || has("img") || has("imgs") ||
+                         has("frame") || has("frames") || has("rgb") || has("aps") ||
+                         has("rectified") || has("distorted") || has("data");
     if (!is_part) break;
     out.push_back(out.back().parent_path());
   }

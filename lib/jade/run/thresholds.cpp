@@ -15,6 +15,8 @@ namespace {
 
 /// Warn about a configured threshold with a larger relative difference from the measured one.
 constexpr double kDisagreement = 0.3;
+/// A shift of the events by a fifth of an exposure leaves this share of the change unexplained.
+constexpr double kMuchUnexplained = 0.12;
 
 double rounded_threshold(double value) { return std::round(value * 1e4) / 1e4; }
 
@@ -124,7 +126,10 @@ void settle_thresholds(const data::Dataset& dataset, const data::ThresholdEstima
                     events.thresholds().negative, ", measured: they explain ",
                     percent_explained(found), " of the change between frames, spread ",
                     rounded_threshold(found.spread.positive), " and ",
-                    rounded_threshold(found.spread.negative), " from pixel to pixel"));
+                    rounded_threshold(found.spread.negative), " from pixel to pixel",
+                    found.unexplained > kMuchUnexplained
+                        ? "; jade_inspect says whether the clocks of frames and events differ"
+                        : ""));
     return;
   }
   events.threshold_positive = configured.positive;

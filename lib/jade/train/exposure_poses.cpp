@@ -50,6 +50,25 @@ torch::Tensor poses_at_controls(const data::Dataset& dataset, int64_t control_po
   return torch::stack(all);
 }
 
+/// Initial twists [V,J,6], units of length and rad: zeros, but small random ones for frames without
+/// events or motion. With equal poses every control pose has the same gradient up to a factor, so
+/// the camera would stay at rest however blurred the frame is.
+torch::Tensor first_twists(const data::Dataset& dataset, int64_t control_poses, double depth) {
+  constexpr double kDeviation = 1e-3;  // a third of a pixel at a focal length of 350 px
+  const auto views = static_cast<int64_t>(dataset.train.size());
+  torch::Tensor twists = torch::zeros({views, control_poses, 6}, torch::kFloat64);
+  if (!dataset.events.empty()) return twists;
+  const torch::Tensor deviation =
+      kDeviation * torch::tensor({depth, depth, depth, 1.0, 1.0, 1.0}, torch::kFloat64);
+  for (int64_t i = 0; i < views; ++i) {
+    const data::Exposure& exposure = dataset.train[static_cast<size_t>(i)];
+    if (!world_from_camera(exposure.poses.front()).equal(world_from_camera(exposure.poses.back())))
+      continue;
+    twists[i] = torch::randn({control_poses, 6}, torch::kFloat64) * deviation;
+  }
+  return twists;
+}
+
 }  // namespace
 
 double pose_lr(const PoseOptions& options, int64_t step) {
@@ -80,8 +99,9 @@ ExposurePoses::ExposurePoses(const PoseOptions& options, const data::Dataset& da
     gauge_.read = register_buffer("gauge_read", gauge_.read);
     gauge_.write = register_buffer("gauge_write", gauge_.write);
   }
-  twists_ = register_parameter(
-      "twists", torch::zeros({control.size(0), control.size(1), 6}, torch::kFloat64));
+  torch::Tensor twists = first_twists(dataset, control.size(1), depth);
+  if (unit_.defined()) twists = twists / unit_;
+  twists_ = register_parameter("twists", twists);
 }
 
 torch::Tensor ExposurePoses::forward(const torch::Tensor& exposure, const torch::Tensor& u,
