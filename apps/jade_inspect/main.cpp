@@ -49,7 +49,7 @@ std::string training_arguments(data::DatasetOptions options) {
          apps::shell_word(apps::folder_apart(fs::path("runs") / folder.filename(), folder));
 }
 
-/// Says by how much the events' clock differs from the frames'; empty if they agree or do not tell.
+/// Offset between the clocks of events and frames, as a problem; empty if there is none.
 std::string clock_problem(const data::Dataset& dataset) {
   constexpr double kLeast_us = 3000;  // the estimate is within 1 ms on data sets of one clock
   if (dataset.events.empty() || dataset.train.empty()) return "";

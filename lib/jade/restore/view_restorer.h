@@ -12,7 +12,7 @@
 
 namespace jade::restore {
 
-/// What the cache has of one exposure.
+/// The entry of one exposure in the cache.
 struct KeptEfnet {
   std::string key;       ///< of the cache; empty without a cache
   torch::Tensor images;  ///< [K,3,H,W] on the CPU, or undefined
