@@ -158,6 +158,7 @@ TEST_CASE("exposure poses: frames of a model without times start with some motio
       dataset.events = {};
       CHECK(first_motion(path, start) > 1e-5);
       CHECK(first_motion(path, start) < 2e-2);
+      CHECK(first_motion(path, start) == first_motion(path, start));
     }
   }
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "jade/core/check.h"
+#include "jade/core/random.h"
 #include "jade/data/origin.h"
 #include "jade/geometry/exposure_path.h"
 #include "jade/geometry/se3.h"
@@ -60,11 +61,12 @@ torch::Tensor first_twists(const data::Dataset& dataset, int64_t control_poses, 
   if (!dataset.events.empty()) return twists;
   const torch::Tensor deviation =
       kDeviation * torch::tensor({depth, depth, depth, 1.0, 1.0, 1.0}, torch::kFloat64);
+  at::Generator generator = make_generator(0, "first motion");  // the same for all seeds
   for (int64_t i = 0; i < views; ++i) {
     const data::Exposure& exposure = dataset.train[static_cast<size_t>(i)];
     if (!world_from_camera(exposure.poses.front()).equal(world_from_camera(exposure.poses.back())))
       continue;
-    twists[i] = torch::randn({control_poses, 6}, torch::kFloat64) * deviation;
+    twists[i] = torch::randn({control_poses, 6}, generator, torch::kFloat64) * deviation;
   }
   return twists;
 }
