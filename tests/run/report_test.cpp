@@ -36,7 +36,7 @@ nlohmann::json allocation_of(double alpha, const torch::Tensor& truth) {
   const torch::NoGradGuard no_grad;
   state.allocation->parameters()[0].fill_(std::log(alpha / (1 - alpha)));
   const train::ViewBank bank(dataset, options, torch::kCPU);
-  run::write_report(folder, dataset, bank, state, options);
+  run::Report(dataset, bank, state).write(folder, dataset, bank, state, options);
   return nlohmann::json::parse(read_file(folder / "allocation.json"));
 }
 
@@ -77,7 +77,8 @@ TEST_CASE("report: says what came before, where the cameras stand, and holds the
                           exposure.poses[geometry::kMidPose], exposure.camera, exposure.t_mid_us(),
                           true});
   train::TrainState state = train::make_state(options, dataset, torch::kCPU);
-  run::write_report(folder, dataset, trainer.bank(), state, trainer.options());
+  run::Report(dataset, trainer.bank(), state)
+      .write(folder, dataset, trainer.bank(), state, trainer.options());
   const std::string page = read_file(folder / "report.html");
   const std::string mark = "id=\"data\">";
   const size_t from = page.find(mark) + mark.size();
@@ -103,7 +104,8 @@ TEST_CASE("report: says what came before, where the cameras stand, and holds the
 
   // The page omits a Gaussian that no picture shows or that is far from all others.
   const auto embeds_scene = [&] {
-    run::write_report(folder, dataset, trainer.bank(), state, trainer.options());
+    run::Report(dataset, trainer.bank(), state)
+        .write(folder, dataset, trainer.bank(), state, trainer.options());
     return read_file(folder / "report.html").find("id=\"spz\">H4sI") != std::string::npos;
   };
   torch::Tensor means = state.gaussians.detached().means;

@@ -2,7 +2,9 @@
 #include "jade/data/event_file.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <future>
 #include <torch/types.h>
 
 #include "jade/core/error.h"
@@ -163,10 +165,15 @@ void attach_events(const DatasetOptions& options, const EventSpan& exposures, co
   file_options.exposures = events::TimeWindow{exposures.begin_us, exposures.end_us};
   events::EventFileResult result = events::read_events(path, file_options);
   for (const std::string& line : result.warnings) warnings.add(line);
+  std::array<std::future<std::string>, 3> faults{
+      std::async(std::launch::async, [&] { return events::polarity_fault(result.events); }),
+      std::async(std::launch::async, [&] { return events::resolution_fault(result.events); }),
+      std::async(std::launch::async, [&] {
+        return imaging::cover_fault(result.events, data.train[data.train.size() / 2].blurry);
+      })};
   check_inside(result.events, camera, path, warnings);
-  for (const std::string& fault :
-       {events::polarity_fault(result.events), events::resolution_fault(result.events),
-        imaging::cover_fault(result.events, data.train[data.train.size() / 2].blurry)}) {
+  for (std::future<std::string>& check : faults) {
+    const std::string fault = check.get();
     if (!fault.empty()) warnings.add(path.string(), ": ", fault);
   }
   data.events = cut(result.events, keep, path, warnings);

@@ -22,6 +22,7 @@
 #include "jade/restore/restorations.h"
 #include "jade/run/allocation_choice.h"
 #include "jade/run/evaluate.h"
+#include "jade/run/page_pictures.h"
 #include "jade/run/page_scene.h"
 #include "jade/run/run_directory.h"
 #include "jade/run/view_pictures.h"
@@ -41,57 +42,8 @@ constexpr size_t kShownViews = 4;
 /// 6 dB for half as many bytes more.
 constexpr gaussians::SpzOptions kEmbedded{false, 24, 7, 6};
 
-/// The page's pictures, encoded on all threads in batches.
-class Pictures {
- public:
-  /// Entry of a picture in the page's data; "src" is its index until put_into().
-  Json add(const std::string& name, const torch::Tensor& image, const torch::Tensor& truth = {},
-           const torch::Tensor& mask = {}) {
-    Json entry{{"name", name}, {"src", sources_.size() + images_.size()}};
-    if (truth.defined()) {
-      char note[24];
-      std::snprintf(note, sizeof note, "%.2f dB",
-                    eval::psnr(image, truth.to(image.device()), mask));
-      entry["note"] = note;
-    }
-    images_.push_back(image.detach().cpu());
-    bytes_ += images_.back().nbytes();
-    if (bytes_ > kMostBytes) encode();
-    return entry;
-  }
-
-  /// @param views  with "pictures" from add()
-  void put_into(Json& views) {
-    encode();
-    for (Json& view : views) {
-      for (Json& entry : view["pictures"]) entry["src"] = sources_[entry["src"].get<size_t>()];
-    }
-  }
-
- private:
-  void encode() {
-    const size_t done = sources_.size();
-    sources_.resize(done + images_.size());
-    const auto count = static_cast<int64_t>(images_.size());
-    at::parallel_for(0, count, 1, [&](int64_t begin, int64_t end) {
-      for (int64_t i = begin; i < end; ++i) {
-        const auto at = static_cast<size_t>(i);
-        const std::vector<uint8_t> png = imaging::encode_png(images_[at]);
-        const std::string_view bytes(reinterpret_cast<const char*>(png.data()), png.size());
-        sources_[done + at] = "data:image/png;base64," + base64(bytes);
-      }
-    });
-    images_.clear();
-    bytes_ = 0;
-  }
-
-  /// Maximum bytes of images waiting to be encoded.
-  static constexpr size_t kMostBytes = size_t{256} << 20;
-
-  std::vector<torch::Tensor> images_;
-  size_t bytes_ = 0;
-  std::vector<std::string> sources_;
-};
+std::string train_camera(size_t index) { return concat("train.", index); }
+std::string test_camera(size_t index) { return concat("test.", index); }
 
 /// Indices of the views to show, spread over the sequence.
 std::vector<size_t> shown_views(size_t count) {
@@ -103,17 +55,36 @@ std::vector<size_t> shown_views(size_t count) {
   return shown;
 }
 
-Json training_view(const data::Dataset& dataset, const train::ViewBank& bank, int64_t index,
-                   train::TrainState& state, const splat::RenderOptions& draw, Pictures& pictures) {
-  const torch::Tensor truth = truth_of(dataset, index), mask = truth_mask_of(dataset, index);
+Json training_view(const data::Dataset& dataset, const train::ViewBank& bank, size_t index,
+                   train::TrainState& state, const splat::RenderOptions& draw,
+                   PagePictures& pictures) {
+  const auto view = static_cast<int64_t>(index);
+  const torch::Tensor truth = truth_of(dataset, view), mask = truth_mask_of(dataset, view);
+  const std::string camera = train_camera(index);
   Json shown = Json::array();
-  for (const ViewPicture& each : training_pictures(dataset, bank, index, state, draw)) {
+  for (const ViewPicture& each : training_pictures(dataset, bank, view, state, draw)) {
     shown.push_back(
-        pictures.add(each.name, each.make(), each.judged ? truth : torch::Tensor(), mask));
+        pictures.add(camera, each.name, each.make(), each.judged ? truth : torch::Tensor(), mask));
   }
-  return {{"name", "training view " + dataset.train[static_cast<size_t>(index)].name},
-          {"camera", concat("train.", index)},
+  return {{"name", "training view " + dataset.train[index].name},
+          {"camera", camera},
           {"pictures", shown}};
+}
+
+/// The pictures that neither steps nor fitted poses change, not yet encoded.
+PagePictures known_pictures(const data::Dataset& dataset, const train::ViewBank& bank,
+                            const std::vector<size_t>& shown, train::TrainState& state) {
+  PagePictures pictures;
+  for (const size_t index : shown) {
+    for (const ViewPicture& each :
+         training_pictures(dataset, bank, static_cast<int64_t>(index), state, {})) {
+      if (each.fixed) pictures.add(train_camera(index), each.name, each.make());
+    }
+  }
+  for (size_t i = 0; i < dataset.test.size(); ++i) {
+    pictures.add(test_camera(i), "truth", dataset.test[i].image);
+  }
+  return pictures;
 }
 
 /// Mean PSNR at mid-exposure of the blurry frame, both restorations and the scene, over the views
@@ -272,8 +243,35 @@ Json read_metrics(const fs::path& path) {
 
 }  // namespace
 
-void write_report(const fs::path& run, const data::Dataset& dataset, const train::ViewBank& bank,
-                  train::TrainState& state, const train::RunOptions& options) {
+/// Results of the threads that the constructor starts.
+struct Report::Begun {
+  std::vector<size_t> shown;  ///< indices of the training views on the page
+  std::future<std::string> scene;
+  std::vector<std::future<Json>> films;  ///< events of the shown views
+  std::future<PagePictures> pictures;
+};
+
+Report::Report(const data::Dataset& dataset, const train::ViewBank& bank, train::TrainState& state)
+    : begun_(std::make_unique<Begun>()) {
+  const torch::NoGradGuard no_grad;
+  constexpr auto beside = std::launch::async;
+  begun_->shown = shown_views(static_cast<size_t>(bank.size()));
+  begun_->scene = std::async(beside, packed_scene, on_cpu(state.gaussians.detached()));
+  for (const size_t index : begun_->shown) {
+    begun_->films.push_back(
+        std::async(beside, [exposure = dataset.train[index]] { return page_film(exposure); }));
+  }
+  begun_->pictures = std::async(
+      beside, [pictures = known_pictures(dataset, bank, begun_->shown, state)]() mutable {
+        pictures.encode();
+        return std::move(pictures);
+      });
+}
+
+Report::~Report() = default;
+
+void Report::write(const fs::path& run, const data::Dataset& dataset, const train::ViewBank& bank,
+                   train::TrainState& state, const train::RunOptions& options) {
   const splat::RenderOptions draw = train::render_options(options);
   const torch::NoGradGuard no_grad;
   Json data;
@@ -283,35 +281,28 @@ void write_report(const fs::path& run, const data::Dataset& dataset, const train
                                concat(grouped(state.step), " steps"),
                                concat(grouped(state.gaussians.size()), " Gaussians"),
                                environment["device"], environment["program"]});
-  // Independent of the other work, so runs in parallel with the pictures.
-  std::future<std::string> scene =
-      std::async(std::launch::async, packed_scene, on_cpu(state.gaussians.detached()));
-  const std::vector<size_t> shown = shown_views(static_cast<size_t>(bank.size()));
-  std::vector<std::future<Json>> films;
-  for (const size_t index : shown) {
-    films.push_back(std::async(std::launch::async,
-                               [&dataset, index] { return page_film(dataset.train[index]); }));
-  }
-  Pictures pictures;
+  PagePictures pictures = begun_->pictures.get();
   data["views"] = Json::array();
-  for (const size_t index : shown) {
-    data["views"].push_back(
-        training_view(dataset, bank, static_cast<int64_t>(index), state, draw, pictures));
+  for (const size_t index : begun_->shown) {
+    data["views"].push_back(training_view(dataset, bank, index, state, draw, pictures));
   }
   data["tests"] = Json::array();
   for (size_t i = 0; i < dataset.test.size(); ++i) {
     const data::SharpView& view = dataset.test[i];
+    const std::string camera = test_camera(i);
     const auto render = render_view(state.gaussians.detached(), view.pose, view.camera, draw);
-    data["tests"].push_back(
-        {{"name", "test view " + view.name},
-         {"camera", concat("test.", i)},
-         {"seen", view.seen ? Json(*view.seen) : Json(nullptr)},
-         {"pictures",
-          {pictures.add("render", render, view.image), pictures.add("truth", view.image)}}});
+    data["tests"].push_back({{"name", "test view " + view.name},
+                             {"camera", camera},
+                             {"seen", view.seen ? Json(*view.seen) : Json(nullptr)},
+                             {"pictures",
+                              {pictures.add(camera, "render", render, view.image),
+                               pictures.add(camera, "truth", view.image)}}});
   }
   pictures.put_into(data["views"]);
   pictures.put_into(data["tests"]);
-  for (size_t i = 0; i < shown.size(); ++i) data["views"][i]["events"] = films[i].get();
+  for (size_t i = 0; i < begun_->shown.size(); ++i) {
+    data["views"][i]["events"] = begun_->films[i].get();
+  }
   data["headline"] =
       headline(dataset, bank, state, draw, train::learns_gains(options.gains, dataset));
   data["scene"] = page_scene(dataset, draw);
@@ -323,9 +314,9 @@ void write_report(const fs::path& run, const data::Dataset& dataset, const train
   data["metrics"] = read_metrics(run / "metrics.jsonl");
   data["config"] = read_file(run / "config.yaml");
 
-  write_file(
-      run / kReportFile,
-      page::report_page(data.dump(-1, ' ', false, Json::error_handler_t::replace), scene.get()));
+  write_file(run / kReportFile,
+             page::report_page(data.dump(-1, ' ', false, Json::error_handler_t::replace),
+                               begun_->scene.get()));
 }
 
 }  // namespace jade::run

@@ -206,6 +206,7 @@ void Trainer::finish() {
   monitor_.check();
   times_.end("steps");
   step_graph_.release(state_, device_);
+  Report report(data_.dataset, bank(), state_);
   save();
   const data::Dataset posed = posed_dataset();
   if (state_.poses && interrupt_requested()) stop();  // discard half-fitted poses
@@ -243,7 +244,7 @@ void Trainer::finish() {
         "the scene is empty: every Gaussian became too faint (opacity below 0.005); look at the "
         "losses in metrics.jsonl, and at thresholds, poses and time stamps of the data");
   }
-  write_report(directory_.path(), posed, bank(), state_, options_);
+  report.write(directory_.path(), posed, bank(), state_, options_);
   pictures_.wait();
   times_.end("report");
   directory_.remove_left_results();

@@ -23,7 +23,7 @@ ViewPicture render_picture(const data::Exposure& exposure, const GaussianSource&
 }
 
 void add_truth(const torch::Tensor& truth, std::vector<ViewPicture>& pictures) {
-  if (truth.defined()) pictures.push_back({"truth", [truth] { return truth; }});
+  if (truth.defined()) pictures.push_back({"truth", [truth] { return truth; }, false, true});
 }
 
 }  // namespace
@@ -49,13 +49,13 @@ std::vector<ViewPicture> training_pictures(const data::Dataset& dataset,
                                            const splat::RenderOptions& draw) {
   const data::Exposure& exposure = dataset.train[static_cast<size_t>(index)];
   const auto view = [&bank, index] { return bank.picture_view(index); };
-  const bool judged = true;
+  const bool judged = true, fixed = true;
   std::vector<ViewPicture> pictures{
-      {"blurry", [view] { return view().blurry(); }, judged},
-      {"EDI", [view] { return view().restorations.edi; }, judged},
+      {"blurry", [view] { return view().blurry(); }, judged, fixed},
+      {"EDI", [view] { return view().restorations.edi; }, judged, fixed},
   };
   if (bank.has_efnet()) {
-    pictures.push_back({"EFNet", [view] { return view().restorations.efnet; }, judged});
+    pictures.push_back({"EFNet", [view] { return view().restorations.efnet; }, judged, fixed});
   }
   if (state.allocation) {
     pictures.push_back({"α", [view, &state, &exposure, index] {
@@ -67,10 +67,12 @@ std::vector<ViewPicture> training_pictures(const data::Dataset& dataset,
                         judged});
   }
   // Normalised counts, as used in the correlation with α.
-  pictures.push_back({"event density", [&bank, index] {
+  pictures.push_back({"event density",
+                      [&bank, index] {
                         const torch::Tensor density = bank.density(index);
                         return (density / density.max().clamp_min(1)).unsqueeze(0);
-                      }});
+                      },
+                      false, fixed});
   const auto gaussians = [&state] { return state.gaussians.detached(); };
   pictures.push_back(render_picture(exposure, gaussians, draw));
   add_truth(truth_of(dataset, index), pictures);

@@ -22,6 +22,7 @@ struct ViewPicture {
   std::function<torch::Tensor()> make;  ///< [3,H,W] or [1,H,W] on any device
   bool judged = false;                  ///< a restoration, which is scored against an available
                                         ///< true image
+  bool fixed = false;                   ///< no step changes it
 };
 
 /// The sharp test view at an exposure's middle, or undefined.
