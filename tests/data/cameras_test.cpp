@@ -78,6 +78,28 @@ TEST_CASE("cameras: values that a render would ignore are refused", "[data]") {
                       "position");
 }
 
+TEST_CASE("cameras: unknown keys are refused by name, in files of 3DGS only misspelt ones",
+          "[data]") {
+  const test::TempDir dir;
+  const std::string own = R"("camera_from_world":[[1,0,0,0],[0,1,0,0],[0,0,1,0]])";
+  const std::string theirs = R"("position":[0,0,0],"rotation":[[1,0,0],[0,1,0],[0,0,1]])";
+  const std::string size = R"("width":4,"height":3,"fx":5,)";
+  const auto read = [&](const std::string& pose, const std::string& more) {
+    return read_cameras(dir.write("some.json", "[{" + size + pose + "," + more + "}]"));
+  };
+  CHECK_THROWS_NAMING(DataError, read(own, R"("widht":100)"), "some.json", "\"widht\"",
+                      "\"width\"");
+  CHECK_THROWS_NAMING(DataError, read(own, R"("distorsion":[0.1])"), "\"distortion\"");
+  CHECK_THROWS_NAMING(DataError, read(own, R"("time":3)"), "\"time\"", "remove it");
+  CHECK_THROWS_NAMING(DataError, read(theirs, R"("distorsion":[0.1])"), "\"distortion\"");
+  CHECK(read(theirs, R"("id":3,"time":0.5,"weight":1)").size() == 1);
+  const auto shared = [&](const std::string& more) {
+    return read_cameras(dir.write("all.json", "{" + more + R"("cameras":[{)" + size + own + "}]}"));
+  };
+  CHECK(shared(R"("cx":1.5,)")[0].camera.cx == 1.5);
+  CHECK_THROWS_NAMING(DataError, shared(R"("focal":1.5,)"), "\"focal\"");
+}
+
 TEST_CASE("cameras: a lens, numbers too many and values of another kind are refused by key",
           "[data]") {
   const test::TempDir dir;

@@ -9,6 +9,7 @@
 #include <unordered_set>
 
 #include "jade/core/atomic_file.h"
+#include "jade/core/edit_distance.h"
 #include "jade/core/error.h"
 #include "jade/data/pose_matrix.h"
 
@@ -16,6 +17,47 @@ namespace jade::data {
 namespace {
 
 using nlohmann::json;
+
+/// Keys that change a view, or are checked.
+const std::vector<std::string> kKeys{"width",
+                                     "height",
+                                     "fx",
+                                     "fy",
+                                     "cx",
+                                     "cy",
+                                     "name",
+                                     "img_name",
+                                     "position",
+                                     "rotation",
+                                     "camera_from_world",
+                                     "distortion",
+                                     "distortion_params",
+                                     "camera_model",
+                                     "camera_type",
+                                     "k1",
+                                     "k2",
+                                     "k3",
+                                     "k4",
+                                     "k5",
+                                     "k6",
+                                     "is_fisheye",
+                                     "model",
+                                     "p1",
+                                     "p2",
+                                     "id"};
+
+/// Refuses keys that are not read: all of this program's own files, and those of other files that
+/// look like a misspelt one that is missing.
+void check_keys(const json& map, bool is_own) {
+  for (const auto& [key, value] : map.items()) {
+    if (std::find(kKeys.begin(), kKeys.end(), key) != kKeys.end()) continue;
+    const std::string close = misspelt(key, kKeys);
+    if (!is_own && (close.empty() || map.contains(close))) continue;
+    throw DataError(concat(
+        "expected keys of a camera, found \"", key, "\"",
+        close.empty() ? ", which is none; remove it" : concat("; did you mean \"", close, "\"?")));
+  }
+}
 
 /// A value of the entry, else of the defaults.
 const json* value_of(const json& entry, const json& defaults, const std::string& key) {
@@ -113,6 +155,7 @@ geometry::Pose pose_of(const json& entry) {
 NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
   NamedCamera result;
   geometry::Intrinsics& camera = result.camera;
+  check_keys(entry, entry.contains("camera_from_world"));
   check_undistorted(entry, defaults);
   camera.width = required_pixels(entry, defaults, "width");
   camera.height = required_pixels(entry, defaults, "height");
@@ -178,11 +221,15 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
   std::vector<NamedCamera> cameras;
   std::unordered_set<std::string> names;
   size_t index = 0;
+  std::string where;  // of a message, in the file
   try {
     const json document = parsed(path);
     const json& list = document.is_array() ? document : document.at("cameras");
-    const json defaults = document.is_object() ? document : json::object();
+    json defaults = document.is_object() ? document : json::object();
+    defaults.erase("cameras");
+    check_keys(defaults, true);
     for (const json& entry : list) {
+      where = concat(": entry ", index);
       cameras.push_back(camera_of(entry, defaults, index));
       if (!names.insert(cameras.back().name).second) {
         throw DataError(concat("expected names that differ, found '", cameras.back().name,
@@ -191,11 +238,11 @@ std::vector<NamedCamera> read_cameras(const std::filesystem::path& path) {
       ++index;
     }
   } catch (const json::exception& problem) {
-    throw DataError(concat(path.string(), ": entry ", index, ": ", words_of(problem)));
+    throw DataError(concat(path.string(), where, ": ", words_of(problem)));
   } catch (const DataError& problem) {
     const std::string text = problem.what();
     if (text.find(path.string()) == 0) throw;
-    throw DataError(concat(path.string(), ": entry ", index, ": ", text));
+    throw DataError(concat(path.string(), where, ": ", text));
   }
   if (cameras.empty()) throw DataError(concat(path.string(), ": expected at least one camera"));
   return cameras;

@@ -23,7 +23,8 @@ struct NamedCamera {
 /// other keys are defaults for every entry. An entry has "width", "height", "fx", "fy" (default:
 /// fx), "cx", "cy" (default: the image centre), "name" or "img_name" (default: its number), and its
 /// pose as "camera_from_world" (4×4 or 3×4 rows, OpenCV axes) or, as 3DGS trainers write it, as
-/// "position" (camera centre) with "rotation" (3×3 world_from_camera).
+/// "position" (camera centre) with "rotation" (3×3 world_from_camera). Other keys are refused;
+/// beside "position" only those that look like a misspelt one.
 /// @throws DataError naming the file and the entry.
 std::vector<NamedCamera> read_cameras(const std::filesystem::path& path);
 
