@@ -231,7 +231,7 @@ TEST_CASE("calibration: what is missing or unknown is named in one line", "[impo
   check_fails(without(kOpenCv, "image_width", "wide"), "image_width");
   check_fails(without(kOpenCv, "distortion_coefficients", "lens"), "distortion_coefficients");
   check_fails(without(kOpenCv, ", 0.01 ]", ", 0.01, 0.1 ]"), "found 6");
-  check_fails("199 198 132 110\n", "found 4 numbers");
+  check_fails("199 198 132 110 0\n", "found 5 numbers");
   check_fails("", "empty file");
   check_fails(std::string("\xFF\xFE"
                           "6\0",
@@ -322,4 +322,20 @@ TEST_CASE("calibration: NaN is refused by name in every form", "[import]") {
   check_fails(without(kOpenCv, "2.51e+02", "nan"), "camera_matrix");
   check_fails("199 198 132 nan 0 0 0 0 0", "expected cy to be a number, found nan");
   check_fails("199 198 132 110 0 inf 0 0 0", "expected k2");
+}
+
+TEST_CASE("calibration: a misspelt key that changes the lens is refused by name", "[import]") {
+  const std::string model = "distortion_model: fisheye\n";
+  const std::string four = without(kOpenCv, ", 0.01 ]", " ]");
+  CHECK(read(four + model).cameras[0].lens.model == LensModel::kFisheye);
+  check_fails(four + without(model, "distortion", "distorsion"), "distorsion_model");
+  check_fails(four + "Fisheye_modle: 1\n", "fisheyemodel");
+  CHECK(read(four + "calibration_time: now\ncamera_name: left\n").cameras.size() == 1);
+  const std::string dv =
+      R"({"version": "2.0", "cameras": {"C0": {"focalLength": [300, 300], "principalPoint": [170, 130],
+          "resolution": [346, 260], "distortion": [0.1, 0, 0, 0, 0], "distortionModel": "radialTangential"}}})";
+  const std::string right = without(dv, "\"distortion\"", "\"distortionCoefficients\"");
+  CHECK(read(right).cameras[0].lens.k1 == 0.1);
+  check_fails(without(right, "distortionModel", "distorsionModel"), "distorsionModel");
+  check_fails(without(right, ", \"distortionModel\": \"radialTangential\""), "distortionModel");
 }

@@ -86,15 +86,16 @@ Calibration dv_set(const std::filesystem::path& path, const DocumentNode& camera
   camera.fx = focal[0], camera.fy = focal[1];
   camera.cx = centre[0] + 0.5, camera.cy = centre[1] + 0.5;
   camera.width = int64_t(size[0]), camera.height = int64_t(size[1]);
-  const std::string model = word(section, "distortionModel");
-  if (model.empty() || model == "none") return {path, {camera}, {}};
+  refuse_misspelt(section, {"distortionmodel", "distortioncoefficients"});
+  const std::string model = word(section, "distortionModel"), key = "distortionCoefficients";
+  const bool has_lens = !model.empty() || section.node.find(key) != nullptr;
+  if (!has_lens || model == "none") return {path, {camera}, {}};
   const bool is_fisheye = model == "equidistant";
   if (!is_fisheye && model != "radialTangential") {
     throw DataError(concat(section.where("distortionModel"),
                            ": expected radialTangential, equidistant or none, found '", model,
                            "'; calibrate with one of these models"));
   }
-  const std::string key = "distortionCoefficients";
   const auto k = numbers(section, key, require(section, key, "the lens's coefficients"));
   if (k.size() != 4 && (is_fisheye || k.size() != 5)) {
     throw DataError(concat(section.where(key), ": expected 4", is_fisheye ? "" : " or 5",

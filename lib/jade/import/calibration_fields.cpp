@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/import/calibration_fields.h"
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <sstream>
 
+#include "jade/core/edit_distance.h"
 #include "jade/core/error.h"
 
 namespace jade::import {
@@ -68,6 +71,25 @@ std::vector<double> numbers(const Section& section, const std::string& key,
 std::string word(const Section& section, const std::string& key) {
   const DocumentNode* node = section.node.find(key);
   return node && node->kind == DocumentNode::Kind::kText ? node->text : "";
+}
+
+std::string plain(const std::string& name) {
+  std::string out;
+  for (const unsigned char c : name) {
+    if (std::isalnum(c)) out += char(std::tolower(c));
+  }
+  return out;
+}
+
+void refuse_misspelt(const Section& section, const std::vector<std::string>& known) {
+  for (const auto& [key, value] : section.node.entries) {
+    const std::string close = misspelt(plain(key), known);
+    const auto is_close = [&](const auto& entry) { return plain(entry.first) == close; };
+    const auto& all = section.node.entries;
+    if (close.empty() || std::any_of(all.begin(), all.end(), is_close)) continue;
+    throw DataError(concat(section.where(key), ": looks like a misspelt ", close,
+                           ", and would not be read; correct or remove it"));
+  }
 }
 
 geometry::Lens radial_tangential(const std::vector<double>& k) {

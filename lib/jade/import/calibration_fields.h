@@ -39,6 +39,16 @@ std::vector<double> numbers(const Section& section, const std::string& key,
 /// The text of a key; empty if it is missing or no text.
 std::string word(const Section& section, const std::string& key);
 
+/// Letters and digits of a name in lower case: files write camera_matrix, Camera_Matrix and
+/// cameraMatrix.
+std::string plain(const std::string& name);
+
+/// Refuses a key that looks like a misspelt one of `known`, which the map lacks. Other unknown keys
+/// pass: each tool writes some of its own.
+/// @param known  plain() names
+/// @throws DataError naming the key.
+void refuse_misspelt(const Section& section, const std::vector<std::string>& known);
+
 /// Lens of four to eight coefficients in the order of OpenCV.
 geometry::Lens radial_tangential(const std::vector<double>& k);
 /// Lens of the four coefficients of Kannala and Brandt.

@@ -2,7 +2,6 @@
 #include "jade/import/calibration_matrix.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 
 #include "jade/core/error.h"
@@ -13,22 +12,14 @@ using config::DocumentNode;
 
 namespace {
 
-/// Letters and digits of a name in lower case: files write camera_matrix, Camera_Matrix and
-/// cameraMatrix.
-std::string plain(const std::string& name) {
-  std::string out;
-  for (const unsigned char c : name) {
-    if (std::isalnum(c)) out += char(std::tolower(c));
-  }
-  return out;
-}
-
 using Names = std::vector<std::string>;
 const Names kMatrixNames{"cameramatrix", "intrinsicmatrix", "k", "m"};
 const Names kLensNames{
     "distortioncoefficients", "distortioncoeffs", "distcoeffs", "distcoeff", "distortion", "d"};
 const Names kWidthNames{"imagewidth", "width"}, kHeightNames{"imageheight", "height"};
 const Names kSizeNames{"imagesize", "resolution"};
+const Names kModelNames{"distortionmodel", "distortiontype", "lensmodel",
+                        "cameramodel",     "cameratype",     "projectionmodel"};
 
 /// The first key of a map with one of these names; empty if it has none.
 std::string key_among(const DocumentNode& node, const Names& names) {
@@ -78,6 +69,10 @@ LensKind lens_kind(const Section& section) {
       "plumbbob", "rationalpolynomial", "radtan",       "radialtangential", "brown", "brownconrady",
       "opencv",   "fullopencv",         "pinholeradtan"};
   static const Names kOther{"omni", "mei", "ds", "eucm", "fov", "doublesphere", "omnidirectional"};
+  Names optional = kModelNames;
+  for (const char* name : {"fisheye", "isfisheye", "fisheyemodel", "binningx", "binningy"})
+    optional.emplace_back(name);
+  refuse_misspelt(section, optional);
   LensKind kind = LensKind::kUnsaid;
   std::string said_by;
   for (const auto& [key, node] : section.node.entries) {
@@ -91,8 +86,7 @@ LensKind lens_kind(const Section& section) {
                                "'; write 1 for the four coefficients of a fisheye lens"));
       }
       says = LensKind::kFisheye;
-    } else if (is_among(name, {"distortionmodel", "distortiontype", "lensmodel", "cameramodel",
-                               "cameratype", "projectionmodel"})) {
+    } else if (is_among(name, kModelNames)) {
       const bool of_lens = name.rfind("distortion", 0) == 0;
       if (is_among(value, kFisheyes)) {
         says = LensKind::kFisheye;
