@@ -29,9 +29,10 @@ CLI::Option* add_flags(apps::Program& program, import::StageRange& range) {
                     "Topic (ROS) or camera (AEDAT4) of the frames, if a file has several")
       ->type_name("NAME");
   program
-      .add_key_flag("--calibration", "lens.calibration",
-                    "Calibration by Kalibr, OpenCV, ROS, DV or RPG; without one, the focal length "
-                    "is estimated and the lens taken for a pinhole")
+      .add_key_flag(
+          "--calibration", "lens.calibration",
+          "Calibration by Kalibr, OpenCV, ROS, DV, basalt or RPG; without one, the focal length "
+          "is estimated and the lens taken for a pinhole")
       ->type_name("FILE");
   program.add_mask_flag("lens.mask");
   program

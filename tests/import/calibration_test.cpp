@@ -339,3 +339,53 @@ TEST_CASE("calibration: a misspelt key that changes the lens is refused by name"
   check_fails(without(right, "distortionModel", "distorsionModel"), "distorsionModel");
   check_fails(without(right, ", \"distortionModel\": \"radialTangential\""), "distortionModel");
 }
+
+TEST_CASE("calibration: Kalibr's report in text is answered with its camchain", "[import]") {
+  check_fails(
+      "Calibration results\n====================\nCamera-system parameters:\n\tcam0 "
+      "(/dvs/image_raw):\n\t type: <class 'aslam_cv'>\n",
+      "camchain.yaml");
+}
+
+TEST_CASE("calibration: fx fy cx cy alone is a pinhole of any size its centre lies in",
+          "[import]") {
+  const auto four = read("290 291 119.5 89.5\n");
+  CHECK((four.cameras[0].fx == 290 && four.cameras[0].fy == 291 && four.cameras[0].cx == 120));
+  CHECK(four.cameras[0].lens.model == LensModel::kPinhole);
+  CHECK_NOTHROW(import::camera_of(four, 0, 240, 180, "frames"));
+  CHECK_THROWS_AS(import::camera_of(four, 0, 100, 80, "frames"), DataError);
+  CHECK_THROWS_AS(import::camera_of(read("0 0 240 180\n"), 0, 240, 180, "frames"), DataError);
+}
+
+TEST_CASE("calibration: basalt's JSON of one camera or two", "[import]") {
+  const std::string pose = R"({"px": 0.1, "py": 0, "pz": 0, "qx": 0, "qy": 0, "qz": 0, "qw": 1})";
+  const std::string turned =
+      R"({"px": 0, "py": 0, "pz": 0, "qx": 0, "qy": 0, "qz": 0.7071067811865476, "qw": 0.7071067811865476})";
+  const std::string kb4 =
+      R"({"camera_type": "kb4", "intrinsics": {"fx": 290, "fy": 291, "cx": 119.5,
+      "cy": 89.5, "k1": 0.1, "k2": 0.2, "k3": 0.3, "k4": 0.4}})";
+  const std::string radtan =
+      R"({"camera_type": "pinhole-radtan8", "intrinsics": {"fx": 290, "fy": 291,
+      "cx": 119.5, "cy": 89.5, "k1": 0.1, "k2": 0.2, "p1": 0.01, "p2": 0.02, "k3": 0.3, "k4": 0.4, "k5": 0.5,
+      "k6": 0.6, "rpmax": 0}})";
+  const auto file = [](const std::string& cameras, const std::string& poses, const char* sizes) {
+    return concat(R"({"value0": {"T_imu_cam": [)", poses, R"(], "intrinsics": [)", cameras,
+                  R"(], "resolution": [)", sizes, "]}}");
+  };
+  const auto one = read(file(kb4, pose, "[240, 180]"));
+  REQUIRE(one.cameras.size() == 1);
+  CHECK((one.cameras[0].fy == 291 && one.cameras[0].cx == 120 && one.cameras[0].width == 240));
+  CHECK((one.cameras[0].lens.model == LensModel::kFisheye && one.cameras[0].lens.k4 == 0.4));
+  CHECK_FALSE(one.second_from_first);
+  const auto two = read(file(kb4 + "," + radtan, pose + "," + turned, "[240, 180], [346, 260]"));
+  REQUIRE(two.cameras.size() == 2);
+  const geometry::Lens& lens = two.cameras[1].lens;
+  CHECK(
+      (lens.model == LensModel::kRational && lens.p2 == 0.02 && lens.k3 == 0.3 && lens.k6 == 0.6));
+  // The first camera's origin lies at x = 0.1 of the IMU, whose x is -y of the second.
+  REQUIRE(two.second_from_first);
+  CHECK(two.second_from_first->translation[0] == Approx(0).margin(1e-12));
+  CHECK(two.second_from_first->translation[1] == Approx(-0.1));
+  check_fails(file(without(kb4, "kb4", "ds"), pose, "[240, 180]"), "found 'ds'");
+  check_fails(file(kb4 + "," + radtan, pose + "," + turned, "[240, 180]"), "value0.resolution");
+}

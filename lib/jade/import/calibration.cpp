@@ -11,6 +11,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/data/undistorter.h"
+#include "jade/import/calibration_basalt.h"
 #include "jade/import/calibration_fields.h"
 #include "jade/import/calibration_matrix.h"
 #include "jade/import/calibration_xml.h"
@@ -105,6 +106,7 @@ Calibration dv_set(const std::filesystem::path& path, const DocumentNode& camera
   return {path, {camera}, {}};
 }
 
+/// fx fy cx cy, alone or with k1 k2 p1 p2 [k3].
 Calibration rpg(const std::filesystem::path& path, const std::vector<double>& k) {
   constexpr const char* kNames[] = {"fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"};
   for (size_t i = 0; i < k.size(); ++i) {
@@ -115,7 +117,7 @@ Calibration rpg(const std::filesystem::path& path, const std::vector<double>& k)
   CalibratedCamera camera;
   camera.fx = k[0], camera.fy = k[1], camera.cx = k[2] + 0.5, camera.cy = k[3] + 0.5;
   const std::vector<double> lens(k.begin() + 4, k.end());
-  camera.lens = checked(radial_tangential(lens), lens);
+  if (!lens.empty()) camera.lens = checked(radial_tangential(lens), lens);
   return {path, {camera}, {}};
 }
 
@@ -223,6 +225,16 @@ Calibration kalibr(const std::filesystem::path& path, const DocumentNode& root) 
   return calibration;
 }
 
+/// Kalibr writes its results as text too.
+void refuse_report(const std::filesystem::path& path, const std::string& text) {
+  if (text.compare(0, std::char_traits<char>::length("Calibration results"),
+                   "Calibration results") != 0)
+    return;
+  throw DataError(concat(path.string(),
+                         ": expected the camchain .yaml of Kalibr, found its report as text; give "
+                         "the file NAME-camchain.yaml (or camchain-NAME.yaml) beside it"));
+}
+
 DocumentNode document(const std::filesystem::path& path) {
   try {
     return config::read_document(path);
@@ -244,9 +256,11 @@ Calibration read_calibration(const std::filesystem::path& path) {
     throw DataError(concat(path.string(), ": expected a calibration file, found ", other));
   const auto row = plain_numbers(text);
   if (is_matrix(row)) return plain_matrix(path, row);
-  if (row.size() == 8 || row.size() == 9) return rpg(path, row);
+  if (row.size() == 4 || row.size() == 8 || row.size() == 9) return rpg(path, row);
+  refuse_report(path, text);
   const DocumentNode root = is_xml(text) ? read_xml(path, text) : document(path);
   if (root.find("cam0")) return kalibr(path, root);
+  if (const auto* intrinsics = basalt_intrinsics(root)) return read_basalt(path, *intrinsics, root);
   refuse_dsec(path, root);
   if (const auto cameras = camera_keys(root); !cameras.empty()) {
     const CameraKeys keys = only_camera(path, cameras);
@@ -259,8 +273,8 @@ Calibration read_calibration(const std::filesystem::path& path) {
   if (const auto storage = dv_storage(path, root)) return *storage;
   throw DataError(concat(path.string(),
                          ": expected a calibration by Kalibr (cam0), OpenCV or ROS (camera_matrix, "
-                         "or K and D), DV (cameras), RPG (fx fy cx cy k1 k2 p1 p2 k3) or a 3x3 "
-                         "matrix, found ",
+                         "or K and D), DV (cameras), basalt (value0), RPG (fx fy cx cy, alone or "
+                         "with k1 k2 p1 p2 [k3]) or a 3x3 matrix, found ",
                          row.empty() ? "none of these" : concat(row.size(), " numbers"),
                          "; export it in one of these forms"));
 }

@@ -34,8 +34,9 @@ struct Calibration {
 /// XML and its ROS variant (camera_matrix, distortion_coefficients or fisheye's four with
 /// distortion_model, image_width, image_height, also as cameraMatrix, distCoeffs, K, D, in any
 /// case; fisheye_model: 1 too), a camera_info message as ROS prints it (K and D, or k and d), one
-/// camera of DV (a section of such a storage, or the JSON of dv-processing), or calib.txt of the
-/// RPG data sets (fx fy cx cy k1 k2 p1 p2 k3). The content determines the format.
+/// camera of DV (a section of such a storage, or the JSON of dv-processing), the JSON of basalt
+/// (value0: kb4, pinhole or pinhole-radtan8, one camera or two), or calib.txt of the RPG data sets
+/// (fx fy cx cy, alone or with k1 k2 p1 p2 [k3]). The content determines the format.
 /// @throws DataError: one line with the path, what was expected, what was found.
 Calibration read_calibration(const std::filesystem::path& path);
 

@@ -84,9 +84,9 @@ struct LensOptions {
 
 template <class V>
 void describe(V& v, LensOptions& o) {
-  v.field(
-      "calibration", o.calibration,
-      "file of Kalibr, OpenCV, ROS, DV or RPG; empty: a pinhole with an estimated focal length");
+  v.field("calibration", o.calibration,
+          "file of Kalibr, OpenCV, ROS, DV, basalt or RPG; empty: a pinhole with an estimated "
+          "focal length");
   v.field("mask", o.mask,
           "image of the size of the frames, whose black pixels are excluded in all of them (lens "
           "borders, hot areas); copied to mask.png of the data set");
