@@ -255,7 +255,8 @@ def rectified_chain(message, np):
     pose = np.eye(4)
     pose[:3, :3] = np.reshape(turn, (3, 3)).T  # R turns raw to rectified
     cam0, cam1 = (f":\n  camera_model: pinhole\n  intrinsics: {[matrix[k] for k in (0, 4, 2, 5)]}\n"
-                  f"  resolution: {[message.width, message.height]}\n" for matrix in (frames, events))
+                  f"  resolution: {[message.width, message.height]}\n  rostopic: {topic}\n"
+                  for matrix, topic in ((frames, "/frames"), (events, "/events")))
     return (f"cam0{cam0}  distortion_model: none\n"
             f"cam1{cam1}  distortion_model: {model}\n  distortion_coeffs: {(lens + 4 * [0.0])[:4]}\n  T_cn_cnm1: {pose.tolist()}\n")
 

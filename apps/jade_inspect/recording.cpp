@@ -97,18 +97,20 @@ std::string next_command(const Recording& r, const RecordingNumbers& n,
 }
 
 /// Why a calibration that can be read does not fit the frames or the event sensor, if the recording
-/// says its size; empty if it does.
+/// says its size, or which of its cameras took the frames, if that is in doubt; empty if it fits.
 std::string misfit_of(const fs::path& path, const Recording& r) {
   try {
-    const import::Calibration calibration = import::read_calibration(path);
+    import::Calibration calibration = import::read_calibration(path);
+    std::string order;
     const bool is_rig = calibration.second_from_first.has_value();
     if (!r.frames.empty()) {
       const torch::Tensor& image = r.frames.front().image;
+      order = import::put_frames_first(calibration, image.size(2), image.size(1));
       import::camera_of(calibration, 0, image.size(2), image.size(1), "frames");
     }
     if (r.width > 0 && r.size_is_said)
       import::camera_of(calibration, is_rig ? 1 : 0, r.width, r.height, "events");
-    return "";
+    return order;
   } catch (const DataError& error) {
     return error.what();
   }

@@ -389,3 +389,38 @@ TEST_CASE("calibration: basalt's JSON of one camera or two", "[import]") {
   check_fails(file(without(kb4, "kb4", "ds"), pose, "[240, 180]"), "found 'ds'");
   check_fails(file(kb4 + "," + radtan, pose + "," + turned, "[240, 180]"), "value0.resolution");
 }
+
+TEST_CASE("calibration: sizes, else topics, say which camera of a chain took the frames",
+          "[import]") {
+  const auto chain = [](const std::string& first, const std::string& second, const char* size) {
+    std::string text = without(kKalibr, "rostopic: /cam0/image_raw", first);
+    return read(without(text, "resolution: [640, 480]", concat(size, second)));
+  };
+  const char *same = "resolution: [752, 480]", *other = "resolution: [640, 480]";
+  const auto exchanged = [](import::Calibration calibration, const char* part) {
+    const double first = calibration.cameras[0].fx;
+    const auto pose = *calibration.second_from_first;
+    const std::string said = import::put_frames_first(calibration, 752, 480);
+    CHECK_THAT(said, Catch::Contains(part));
+    if (*part == '\0') CHECK(said.empty());
+    const bool changed = calibration.cameras[0].fx != first;
+    const auto there_and_back = geometry::compose(*calibration.second_from_first, pose);
+    if (changed) CHECK(there_and_back.translation[0] == Approx(0).margin(1e-9));
+    return changed;
+  };
+  // The sizes decide, whatever the topics are.
+  CHECK_FALSE(exchanged(chain("rostopic: /events", "\n  rostopic: /a", other), ""));
+  auto swapped = chain("", "", other);
+  std::swap(swapped.cameras[0], swapped.cameras[1]);
+  CHECK(exchanged(swapped, "by their sizes"));
+  // Then the topics.
+  CHECK(exchanged(chain("rostopic: /dvs/events", "\n  rostopic: /dvs/image_raw", same),
+                  "/dvs/events"));
+  CHECK(exchanged(chain("rostopic: /dvs/image_raw", "\n  rostopic: /cam1/image", same),
+                  "cam1 is taken"));
+  CHECK_FALSE(
+      exchanged(chain("rostopic: /cam0/image_raw", "\n  rostopic: /Event_cam/x", same), ""));
+  // Without either, the order is kept with a warning.
+  CHECK_FALSE(exchanged(chain("rostopic: /cam0/x", "\n  rostopic: /cam1/x", same),
+                        "rostopic: /events into it"));
+}

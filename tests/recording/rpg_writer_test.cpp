@@ -60,7 +60,7 @@ TEST_CASE("rpg_writer: two cameras are written as Kalibr does, and found", "[rec
   CHECK_FALSE(read.size_is_said);
   for (const char* line :
        {"cam0:\n  camera_model: pinhole\n", "cam1:\n  T_cn_cnm1:\n", "  - [1., 0., 0., -0.125]\n",
-        "intrinsics: [20.5, 20.5, 7.5, 5.5]", "resolution: [24, 18]"}) {
+        "intrinsics: [20.5, 20.5, 7.5, 5.5]", "resolution: [24, 18]", "rostopic: /events"}) {
     CHECK_THAT(read.calibrations.front().text, Catch::Contains(line));
   }
 }

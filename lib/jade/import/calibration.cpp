@@ -10,6 +10,7 @@
 #include "jade/config/document.h"
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
+#include "jade/core/text.h"
 #include "jade/data/undistorter.h"
 #include "jade/import/calibration_basalt.h"
 #include "jade/import/calibration_fields.h"
@@ -165,6 +166,7 @@ std::vector<double> plain_numbers(std::string text) {
 CalibratedCamera kalibr_camera(const Section& section) {
   CalibratedCamera camera;
   camera.name = section.name;
+  camera.topic = word(section, "rostopic");
   const std::string model = word(section, "camera_model");
   if (model != "pinhole") {
     throw DataError(concat(section.where("camera_model"), ": expected pinhole, found '", model,
@@ -309,6 +311,59 @@ geometry::LensCamera camera_of(const Calibration& calibration, size_t index, int
                            "; correct them, or calibrate again"));
   }
   return {pinhole, camera.lens};
+}
+
+namespace {
+
+/// Whether a topic is one of events, or of images made from them.
+/// @param words  that mark it
+bool says_events(const std::string& topic, const std::vector<std::string>& words) {
+  const std::string name = in_small_letters(topic);
+  return std::any_of(words.begin(), words.end(),
+                     [&](const std::string& word) { return name.find(word) != std::string::npos; });
+}
+
+/// The camera of the two whose topic is that of events; no value: both, or neither.
+std::optional<size_t> camera_of_events(const std::vector<CalibratedCamera>& cameras) {
+  // Cameras of events have topics of frames too, so that the word itself decides first.
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"event", "e2vid", "reconstruct"},
+        std::vector<std::string>{"dvs", "davis", "dvx", "prophesee", "metavision", "evk"}}) {
+    const bool first = says_events(cameras[0].topic, words);
+    if (first != says_events(cameras[1].topic, words)) return first ? 0 : 1;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string put_frames_first(Calibration& calibration, int64_t width, int64_t height) {
+  if (!calibration.second_from_first) return "";
+  std::vector<CalibratedCamera>& cameras = calibration.cameras;
+  const auto fits = [&](const CalibratedCamera& camera) {
+    return camera.width == width && camera.height == height;
+  };
+  const bool by_size = fits(cameras[0]) != fits(cameras[1]);
+  const std::optional<size_t> events =
+      by_size ? size_t(fits(cameras[0]) ? 1 : 0) : camera_of_events(cameras);
+  const auto said = [&](const std::string& found, const std::string& fix) {
+    return concat(calibration.path.string(), ": expected ", cameras[0].name, " of the frames and ",
+                  cameras[1].name, " of the events, found ", found, "; ", fix);
+  };
+  if (!events && fits(cameras[0])) {
+    return said(
+        "two of one size and no topic of events",
+        concat(cameras[0].name, " is taken for the frames: if it is the event camera, ",
+               cameras[0].name == "cam0" ? "write rostopic: /events into it" : "exchange the two"));
+  }
+  if (events != size_t(0)) return "";
+  const std::string line =
+      said(by_size ? "them the other way round by their sizes"
+                   : "the topic of events, " + cameras[0].topic + ", at the first",
+           concat(cameras[1].name, " is taken for the frames"));
+  std::swap(cameras[0], cameras[1]);
+  calibration.second_from_first = geometry::inverse(*calibration.second_from_first);
+  return line;
 }
 
 std::string calibration_fault(const std::filesystem::path& path) {

@@ -14,7 +14,8 @@ namespace jade::import {
 
 /// A camera as in a calibration file.
 struct CalibratedCamera {
-  std::string name;  ///< "cam0", or empty
+  std::string name;   ///< "cam0", or empty
+  std::string topic;  ///< of its ROS messages, or empty
   /// Principal point plus 0.5 px: the files put pixel centres on integers, this library does not.
   double fx = 0, fy = 0, cx = 0, cy = 0;
   int64_t width = 0, height = 0;  ///< 0: not in the file
@@ -39,6 +40,12 @@ struct Calibration {
 /// (fx fy cx cy, alone or with k1 k2 p1 p2 [k3]). The content determines the format.
 /// @throws DataError: one line with the path, what was expected, what was found.
 Calibration read_calibration(const std::filesystem::path& path);
+
+/// Puts the camera of the frames first if there are two: by their sizes, else by their topics;
+/// without either, the order stays.
+/// @param width,height  of the frames
+/// @return a warning about an exchange or a doubt; empty if there is none
+std::string put_frames_first(Calibration& calibration, int64_t width, int64_t height);
 
 /// The error of read_calibration() behind the path and without the remedy: ": expected …, found …";
 /// empty for a calibration that can be read.

@@ -194,7 +194,9 @@ bool is_rig(const std::optional<Calibration>& calibration) {
   return calibration && calibration->second_from_first;
 }
 
-void settle_sensor(const Calibration& calibration, Capture& capture) {
+void settle_sensor(Calibration& calibration, Capture& capture) {
+  const std::string order = put_frames_first(calibration, capture.width(), capture.height());
+  if (!order.empty()) log_warn(order);
   if (calibration.second_from_first && !capture.sensor_is_said) {
     const CalibratedCamera& second = calibration.cameras[1];
     const events::ImageSize reach = reach_of(capture.events);

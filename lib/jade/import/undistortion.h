@@ -45,10 +45,11 @@ bool is_rig(const std::optional<Calibration>& calibration);
 /// Smallest image size that holds all events.
 events::ImageSize reach_of(const events::EventStream& events);
 
-/// Checks the sizes of frames and events against the calibration. If the recording does not contain
-/// the size of a second camera's sensor, uses that of its calibration.
+/// Puts the camera of the frames first, with a warning if that exchanges the two or is in doubt,
+/// and checks the sizes of frames and events against the calibration. If the recording does not
+/// contain the size of a second camera's sensor, uses that of its calibration.
 /// @throws DataError for another size.
-void settle_sensor(const Calibration& calibration, Capture& capture);
+void settle_sensor(Calibration& calibration, Capture& capture);
 
 /// Undistorts frames and events to one centred pinhole; of two cameras, the first took the frames.
 /// Frames finer than the event sensor are scaled to its pixels.

@@ -91,13 +91,14 @@ void write_calibration(const fs::path& folder, const geometry::Intrinsics& camer
              opencv_matrix("distortion_coefficients", 1, 5, "0., 0., 0., 0., 0.")));
 }
 
-std::string kalibr_camera(const char* name, const std::string& pose,
-                          const geometry::Intrinsics& c) {
+std::string kalibr_camera(const char* name, const std::string& pose, const geometry::Intrinsics& c,
+                          const char* topic) {
   return concat(name, ":\n", pose,
                 "  camera_model: pinhole\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n"
                 "  distortion_model: radtan\n  intrinsics: [",
                 number(c.fx), ", ", number(c.fy), ", ", number(c.cx - 0.5), ", ",
-                number(c.cy - 0.5), "]\n  resolution: [", c.width, ", ", c.height, "]\n");
+                number(c.cy - 0.5), "]\n  resolution: [", c.width, ", ", c.height,
+                "]\n  rostopic: ", topic, "\n");
 }
 
 std::string kalibr_pose(const geometry::Pose& pose) {
@@ -115,8 +116,9 @@ std::string kalibr_pose(const geometry::Pose& pose) {
 void write_camchain(const fs::path& folder, const CameraPair& cameras) {
   make_writable_folder(folder);
   write_file(folder / "camchain.yaml",
-             kalibr_camera("cam0", "", cameras.frames) +
-                 kalibr_camera("cam1", kalibr_pose(cameras.events_from_frames), cameras.events));
+             kalibr_camera("cam0", "", cameras.frames, "/frames") +
+                 kalibr_camera("cam1", kalibr_pose(cameras.events_from_frames), cameras.events,
+                               "/events"));
 }
 
 void write_rpg(const fs::path& folder, const Recording& recording,
