@@ -64,9 +64,26 @@ TEST_CASE("make_plan: the problems of all runs come at once, each told once", "[
   // The fixture's resolver stops at a run's first bad layer, so the override is reported only if
   // nothing else is wrong.
   CHECK_THAT(all, test::naming("train.ratte", "train.rate?"));
-  CHECK_THAT(all, Catch::Contains("row y: --set train.rate=2: "));
+  CHECK_THAT(all, Catch::Contains("/test.yaml:4:54: row y: set: train.rate=2: "));
   CHECK_THAT(all, test::naming("train.rate", "0 to 1", "'2'"));
   CHECK(std::count(all.begin(), all.end(), '\n') == 1);
+}
+
+TEST_CASE("make_plan: a value of any set is reported with its place and owner", "[sweep]") {
+  const TempDir dir;
+  const auto problem = [&](const std::string& yaml) {
+    return problems_of([&] { plan_of(dir, "columns: [psnr]\n" + yaml); });
+  };
+  const std::string scenes = "scenes:\n  - {name: a, config: a.yaml}\n";
+  CHECK_THAT(problem(scenes + "set:\n  - train.rate=3\nrows: [{name: x}]\n"),
+             Catch::Contains("test.yaml:5:5: set: train.rate=3: train.rate: expected"));
+  CHECK_THAT(
+      problem("scenes:\n  - {name: a, config: a.yaml, set: train.rate=3}\nrows: [{name: x}]\n"),
+      Catch::Contains("test.yaml:3:36: scene a: set: train.rate=3: "));
+  CHECK_THAT(
+      problem(scenes +
+              "rows:\n  - name: x\n    set:\n      - train.mode=quick\n      - train.rat=1\n"),
+      Catch::Contains("test.yaml:8:9: row x: set: train.rat=1: train.rat: unknown key"));
 }
 
 TEST_CASE(

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <set>
+#include <sstream>
 
 #include "jade/config/problems.h"
 #include "jade/core/error.h"
@@ -61,23 +62,36 @@ std::vector<config::Sources> layers_of(const Spec& spec, const PlanOptions& opti
   return layers;
 }
 
+/// Overrides that the sweep's file gives to all runs, to those of a scene, or to those of a row.
+struct FileSet {
+  std::string owner;  ///< "scene room: "; empty: all
+  const std::vector<std::string>&set, &places;
+
+  std::string where(size_t i) const { return concat(places[i], owner, "set: "); }
+};
+
 /// Refuses a seed among settings, which the seed of each run would override.
-void check_seed(const std::vector<std::string>& set, const std::string& where,
+/// @param where  of an override's number
+template <class Where>
+void check_seed(const std::vector<std::string>& set, const Where& where,
                 config::Problems& problems) {
-  for (const std::string& assignment : set) {
-    if (assignment.substr(0, assignment.find('=')) != "seed") continue;
-    problems.add(concat(where, ": expected no seed, because each run has its own, found ",
-                        assignment, "; use seeds: or --seeds"));
+  for (size_t i = 0; i < set.size(); ++i) {
+    if (set[i].substr(0, set[i].find('=')) != "seed") continue;
+    problems.add(concat(where(i), "expected no seed, because each run has its own, found ", set[i],
+                        "; use seeds: or --seeds"));
   }
 }
 
-/// Attributes errors in the row's own settings to the row; all others are reported once for all
-/// rows.
-std::string of_row(const Row& row, const std::string& problem) {
-  for (const std::string& set : row.set) {
-    if (problem.find(set) != std::string::npos) return concat("row ", row.name, ": ", problem);
+/// The line with the place and the owner of the file's override that it is about.
+std::string placed(const std::string& line, const std::vector<FileSet>& sets) {
+  for (const FileSet& each : sets) {
+    for (size_t i = 0; i < each.set.size(); ++i) {
+      const std::string start = concat("--set ", each.set[i], ": ");
+      if (line.rfind(start, 0) == 0)
+        return concat(each.where(i), each.set[i], ": ", line.substr(start.size()));
+    }
   }
-  return problem;
+  return line;
 }
 
 std::set<std::string> ids_of(const Spec& spec) {
@@ -103,7 +117,12 @@ void add_run(const Row& row, const Scene& scene, int64_t seed, const PlanOptions
   try {
     run.settings = resolve(layers_of(plan.spec, options, row, scene, seed));
   } catch (const ConfigError& error) {
-    problems.add(of_row(row, error.what()));
+    const std::vector<FileSet> sets{
+        {concat("row ", row.name, ": "), row.set, row.set_places},
+        {concat("scene ", scene.name, ": "), scene.set, scene.set_places},
+        {"", plan.spec.set, plan.spec.set_places}};
+    std::istringstream lines(error.what());
+    for (std::string line; std::getline(lines, line);) problems.add(placed(line, sets));
     added.all_read = false;
     return;
   }
@@ -167,12 +186,16 @@ Plan make_plan(Spec spec, const PlanOptions& options, const Resolver& resolve) {
     spec.seeds = options.seeds;
     for (Row& row : spec.rows) row.seeds.clear();
   }
-  check_seed(options.overrides, "--set", problems);
-  check_seed(spec.set, "set", problems);
-  for (const Scene& scene : spec.scenes) {
-    check_seed(scene.set, concat("scene ", scene.name, ": set"), problems);
-  }
-  for (const Row& row : spec.rows) check_seed(row.set, concat("row ", row.name, ": set"), problems);
+  check_seed(
+      options.overrides, [](size_t) { return "--set: "; }, problems);
+  std::vector<FileSet> sets{{"", spec.set, spec.set_places}};
+  for (const Scene& scene : spec.scenes)
+    sets.push_back({concat("scene ", scene.name, ": "), scene.set, scene.set_places});
+  for (const Row& row : spec.rows)
+    sets.push_back({concat("row ", row.name, ": "), row.set, row.set_places});
+  for (const FileSet& each : sets)
+    check_seed(
+        each.set, [&](size_t i) { return each.where(i); }, problems);
   plan.spec = std::move(spec);
   std::vector<int64_t> seeds = plan.spec.seeds;
   for (const Row& row : plan.spec.rows)

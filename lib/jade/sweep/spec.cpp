@@ -93,7 +93,7 @@ class SpecReader {
       }
       spec.jobs = static_cast<int>(count);
     }
-    if (root.find("set")) spec.set = texts(root, "set");
+    if (root.find("set")) spec.set = texts(root, "set", &spec.set_places);
     if (root.find("scenes")) spec.scenes.clear();
     for (const DocumentNode& node : maps(root, "scenes")) spec.scenes.push_back(scene(node));
     if (const DocumentNode* rows = root.find("rows")) {
@@ -141,16 +141,23 @@ class SpecReader {
   }
 
   /// A string or a list of strings.
-  std::vector<std::string> texts(const DocumentNode& map, const std::string& name) {
+  /// @param places  if not null, becomes that of each
+  std::vector<std::string> texts(const DocumentNode& map, const std::string& name,
+                                 std::vector<std::string>* places = nullptr) {
     std::vector<std::string> list;
     const DocumentNode* node = map.find(name);
+    if (places) places->clear();
     if (!node || node->kind == Kind::kNothing) return list;
-    if (node->kind == Kind::kText) return {node->text};
+    if (node->kind == Kind::kText) {
+      if (places) places->push_back(place(*node));
+      return {node->text};
+    }
     if (node->kind != Kind::kList) complain(*node, name + ": expected a list");
     for (const DocumentNode& item : node->items) {
       if (item.kind != Kind::kText)
         complain(item, name + ": expected texts, such as train.iterations=1000");
       list.push_back(item.text);
+      if (places) places->push_back(place(item));
     }
     return list;
   }
@@ -223,7 +230,7 @@ class SpecReader {
     text(map, "config", config);
     if (config.empty()) complain(map, "config: expected the scene's YAML, found nothing");
     if (!config.empty()) scene.config = file_of(map, config);
-    scene.set = texts(map, "set");
+    scene.set = texts(map, "set", &scene.set_places);
     text(map, "make", scene.make);
     return scene;
   }
@@ -238,7 +245,7 @@ class SpecReader {
     text(map, "block", row.block);
     for (const std::string& config : texts(map, "config"))
       row.configs.push_back(file_of(map, config));
-    row.set = texts(map, "set");
+    row.set = texts(map, "set", &row.set_places);
     row.seeds = whole_numbers(map, "seeds");
     std::string run = "true";
     text(map, "run", run);

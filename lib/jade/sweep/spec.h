@@ -32,6 +32,7 @@ struct Scene {
   std::filesystem::path config;
   std::vector<std::string> set;  ///< "key=value" overrides
   std::string make;              ///< how to get the data, for the message if it is missing
+  std::vector<std::string> set_places = {};  ///< "FILE:LINE:COLUMN: " of each override
 };
 
 /// Numbers of the paper, by column.
@@ -46,6 +47,7 @@ struct Row {
   bool run = true;             ///< false: a quoted row, without runs
   Figures paper;               ///< its average
   std::map<std::string, Figures> paper_scenes;
+  std::vector<std::string> set_places = {};  ///< "FILE:LINE:COLUMN: " of each override
 };
 
 struct Spec {
@@ -57,6 +59,7 @@ struct Spec {
   std::vector<std::string> set;
   std::vector<Scene> scenes;
   std::vector<Row> rows;
+  std::vector<std::string> set_places = {};  ///< "FILE:LINE:COLUMN: " of each override
 };
 
 /// Reads a sweep file after the files that its `extends` names; the last value of each key wins,
