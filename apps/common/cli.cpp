@@ -135,10 +135,16 @@ int print_answer(const CLI::App& cli, const CLI::ParseError& error) {
   }
 }
 
-/// The address after --serve is optional, and CLI11 would take any word for it: words that cannot
-/// be an address, such as the name of a run, are left to other arguments.
+/// The address after --serve is optional, and CLI11 would take any word for it: words that are
+/// neither an IP address nor HOST:PORT, such as the name of a run, are left to other arguments.
 std::vector<std::string> with_whole_addresses(std::vector<std::string> words) {
   const auto is_address = [](const std::string& word) {
+    const std::string port = word.substr(word.rfind(':') + 1);
+    const bool has_port = !port.empty() && port.size() < word.size() &&
+                          port.find_first_not_of("0123456789") == port.npos;
+    std::error_code ignored;
+    if (has_port && word.find('/') == word.npos && !std::filesystem::exists(word, ignored))
+      return true;
     return !word.empty() && word.find_first_not_of("0123456789abcdefABCDEF.:[]") == word.npos;
   };
   for (size_t i = 0; i < words.size(); ++i) {

@@ -246,6 +246,8 @@ def check_mistakes(runs):
         fails("Address already in use; choose another port", 2, *runs.training("none", f"--serve={port}"))
     fails("--serve 127.0.0.1:http: expected an IP address and a port", 2, *runs.training("none", "--serve=127.0.0.1:http"))
     fails("--serve example.org: expected an IP address", 2, *runs.training("none", "--serve=example.org"))
+    fails("--serve example.org:80: expected an IP address", 2, *runs.training("none", "--serve", "example.org:80"))
+    fails("found nothing", 3, *runs.program("jade_view", runs.folder / "nothing", "--serve", "localhost:0"))
     expect(not (runs.folder / "none").exists(), "no run directory")
     fails("example.org: expected the folder of a data set", 3, *runs.training("none", "--serve", "example.org"))
     done = subprocess.run(runs.program("jade_view", "--serve", runs.folder / "nothing"), capture_output=True, text=True)
