@@ -179,7 +179,7 @@ int main(int argc, char** argv) {
       return ExitCode::kOk;
     }
     if (run::is_run(path)) {
-      apps::inspect_run(path, program.json());
+      apps::inspect_run(path, program.command("jade_train"), program.json());
       return ExitCode::kOk;
     }
     if (std::filesystem::is_regular_file(path) || recording::is_recording(path)) {

@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "common/shell.h"
+#include "jade/core/error.h"
 #include "jade/core/readable.h"
 #include "jade/run/run_summary.h"
 #include "jade_inspect/scene.h"
@@ -25,8 +27,13 @@ void print_numbers(const char* title, const nlohmann::json& numbers) {
 
 }  // namespace
 
-void inspect_run(const fs::path& folder, bool json) {
-  const run::RunSummary s = run::summarize_run(folder);
+void inspect_run(const fs::path& folder, const std::string& train_program, bool json) {
+  run::RunSummary s = run::summarize_run(folder);
+  if (s.step < s.options.train.iterations) {
+    s.problems.push_back(concat("stopped at step ", s.step, " of ", s.options.train.iterations,
+                                ": go on with ", train_program, " --output ", shell_word(folder),
+                                " --resume"));
+  }
   const bool routed = s.options.objective.target == losses::Target::kRouted;
   if (json) {
     nlohmann::json allocation;  // null where no target is routed

@@ -26,6 +26,11 @@ bool knows_settings(const std::filesystem::path& config, const std::filesystem::
   return resumed && config.empty() && std::filesystem::exists(run / "config.yaml");
 }
 
+/// The command that continues a run.
+std::string resume_command(const fs::path& run, const apps::Program& program) {
+  return concat(program.command("jade_train"), " --output ", apps::shell_word(run), " --resume");
+}
+
 /// Resolves the positional argument: a scene's YAML, a data set, which may have one, or a
 /// recording, which must be imported first.
 void use_path(const fs::path& path, apps::Program& program) {
@@ -35,7 +40,7 @@ void use_path(const fs::path& path, apps::Program& program) {
   if (run::is_run(path)) {
     throw ConfigError(concat(
         path.string(), ": expected a data set or a scene.yaml, found a run; continue it with ",
-        program.command("jade_train"), " --output ", apps::shell_word(path), " --resume"));
+        resume_command(path, program)));
   }
   if (!fs::exists(path)) {
     throw DataError(concat(path.string(),
@@ -159,7 +164,12 @@ int main(int argc, char** argv) {
       return std::make_unique<run::Trainer>(*options, program.output(), resume,
                                             known ? std::nullopt : std::optional(choices));
     });
-    trainer->run(live ? &*live : nullptr);
+    try {
+      trainer->run(live ? &*live : nullptr);
+    } catch (const Interrupted&) {
+      log_info("go on with " + resume_command(program.output(), program));
+      throw;
+    }
     return ExitCode::kOk;
   });
 }

@@ -73,6 +73,11 @@ TEST_CASE("jade_inspect: a run says how far it came and what is wrong with it", 
   INFO(whole.err);
   CHECK(whole.code == 0);
   CHECK_THAT(whole.out, Catch::Contains("step 4 of 4"));
+  run(dir, "sed -i 's/iterations: 4/iterations: 6/' run/config.yaml");
+  CHECK_THAT(
+      run(dir, concat(JADE_BIN, "/jade_inspect run")).out,
+      Catch::Contains(concat("stopped at step 4 of 6: go on with ", JADE_BIN,
+                             "/jade_train --output ", (dir / "run").string(), " --resume\n")));
   dir.write("run/checkpoints/step_0000009.pt", "cut short");
   std::filesystem::rename(dir / "scene", dir / "moved");
   const Outcome damaged = run(dir, "jade_inspect run");

@@ -231,6 +231,7 @@ def check_interrupt(runs):
     viewer.join()
     stalled.close()
     expect(code == 130, f"expected 130, found {code}: {served.said()}")
+    expect(f"go on with {runs.programs}/jade_train --output {runs.folder}/stopped --resume" in served.said(), f"the command as called: {served.said()}")
     expect(seconds < 10, f"{seconds:.1f} s to stop")
     expect(list((runs.folder / "stopped/checkpoints").glob("step_*.pt")), "saved before the end")
 

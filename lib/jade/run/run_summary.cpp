@@ -100,10 +100,6 @@ RunSummary summarize_run(const fs::path& run) {
           concat((run / kScoresFile).string(), ": damaged; make it again with jade_eval --run"));
     }
   }
-  if (s.step < s.options.train.iterations) {
-    s.problems.push_back(concat("stopped at step ", s.step, " of ", s.options.train.iterations,
-                                ": go on with jade_train --output ", run.string(), " --resume"));
-  }
   if (!fs::is_directory(s.options.dataset.path)) {
     s.problems.push_back(concat("its data set ", s.options.dataset.path.string(),
                                 " is gone: jade_eval and --resume need it; set dataset.path"));

@@ -196,8 +196,7 @@ void Trainer::stop() {
   saving_ = {};
   save();
   finish_save();
-  log_info(concat("saved at step ", state_.step, "; go on with jade_train --output ",
-                  directory_.path().string(), " --resume"));
+  log_info(concat("saved at step ", state_.step));
   pictures_.wait();
   throw Interrupted();
 }
