@@ -320,6 +320,14 @@ TEST_CASE("colmap scene: a folder above the data set, and foreign cameras, are t
   write_colmap_scene(folder / "dense/0", kCamera);
   CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder.path())), "not a known kind",
                       "dense/0 is one");
+  // Undistorted or distorted models of images that lie above their folder.
+  write_colmap_scene(folder / "gs/distorted", kCamera);
+  fs::rename(folder / "gs/distorted/images", folder / "gs/images");
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder / "gs")),
+                      "gs/distorted is one: ", "--set dataset.image_folder=../images");
+  DatasetOptions options = dataset_at(folder / "gs/distorted");
+  options.image_folder = "../images";
+  CHECK(load_dataset(options).train.size() + load_dataset(options).test.size() == 10);
   const fs::path photos = folder / "photos";
   imaging::write_image(photos / "images/a.png", test::noise_image(0));
   write_file(photos / "cameras.xml", "<document/>");

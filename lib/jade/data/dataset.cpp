@@ -16,6 +16,7 @@
 #include "jade/data/evdeblur.h"
 #include "jade/data/event_file.h"
 #include "jade/data/frame_times.h"
+#include "jade/data/frames.h"
 #include "jade/data/masks.h"
 #include "jade/data/named_files.h"
 #include "jade/data/origin.h"
@@ -203,6 +204,26 @@ std::optional<bool> is_seen(const Dataset& dataset, const SharpView& view) {
   return moving ? std::nullopt : std::optional<bool>(false);
 }
 
+namespace {
+
+/// The flag with which a COLMAP model without images beside it can be read, as of dense/ and
+/// distorted/ below `root`, which has the images; empty if it needs none.
+std::string image_flag(const fs::path& model, const fs::path& root) {
+  const auto images_in = [](const fs::path& folder) {
+    try {
+      return find_image_folder(folder, "", ImageDepth::kNested);
+    } catch (const DataError&) {
+      return fs::path();
+    }
+  };
+  if (found_kind(model) != DatasetKind::kColmap || !images_in(model).empty()) return "";
+  const fs::path images = images_in(root);
+  return concat(", and its images with --set dataset.image_folder=",
+                images.empty() ? "FOLDER" : images.lexically_relative(model).string());
+}
+
+}  // namespace
+
 std::string other_finding(const fs::path& folder) {
   constexpr int kDepth = 2;
   std::set<fs::path> below;
@@ -212,13 +233,18 @@ std::string other_finding(const fs::path& folder) {
     std::error_code ignored;
     const std::string name = entry->path().filename().string();
     if (entry.depth() + 1 == kDepth || name[0] == '.') entry.disable_recursion_pending();
-    if (name[0] != '.' && entry->is_directory(ignored) && found_kind(entry->path()))
-      below.insert(entry->path());
+    if (name[0] == '.' || !entry->is_directory(ignored) || !found_kind(entry->path())) continue;
+    below.insert(entry->path());
+    entry.disable_recursion_pending();
   }
   if (!below.empty()) {
-    return concat("; ", below.begin()->string(), " is one",
+    const auto whole = std::find_if(below.begin(), below.end(), [&](const fs::path& found) {
+      return image_flag(found, folder).empty();
+    });
+    const fs::path& one = whole == below.end() ? *below.begin() : *whole;
+    return concat("; ", one.string(), " is one",
                   below.size() == 1 ? "" : concat(", like ", below.size() - 1, " more folders"),
-                  ": give that folder");
+                  ": give that folder", image_flag(one, folder));
   }
   for (const char* foreign : {"cameras.xml", "bundle.out", "bundle.rd.out", "model.nvm",
                               "scene.mvs", "reconstruction.json"}) {
