@@ -96,9 +96,9 @@ SceneFile read_as(SceneKind kind, const fs::path& path) {
       return {std::move(scene.file), word_of(scene.kind), scene.flat, std::move(scene.notes)};
     }
     case SceneKind::kSpz: {
-      SceneFile scene{{}, ".spz (Niantic)", 0, {}};
-      scene.file = parse_spz(read_file(path), path.string(), scene.notes);
-      return scene;
+      std::vector<std::string> notes;
+      GaussianFile file = parse_spz(read_file(path), path.string(), notes);
+      return {std::move(file), ".spz (Niantic)", 0, std::move(notes)};
     }
     case SceneKind::kSog:
       return {read_sog(path), ".sog (PlayCanvas, SuperSplat)", 0, {}};
