@@ -550,6 +550,18 @@ class BadInput(unittest.TestCase):
         self.expect(TypeError, "tile_size", tile_size=None)
         self.expect(ValueError, "batch", {name: t[None][:0] for name, t in make_scene(count=4).items()})
 
+    def test_transposed_view_matrices(self):
+        scene = make_scene(count=4)
+        scene["viewmats"] = scene["viewmats"].mT.contiguous()
+        self.expect(ValueError, "viewmats: expected 0, 0, 0, 1", scene)
+        self.expect(ValueError, ".mT", {name: t[None] for name, t in scene.items()})
+        scene = make_scene(count=4, coefficients=1)
+        with self.assertRaisesRegex(ValueError, "viewmats: expected 0, 0, 0, 1"):
+            splat(*[scene[name] for name in NAMES[:5]], scene["viewmats"].mT.contiguous(), scene["Ks"].flatten(1)[:, [0, 4, 2, 5]], WIDTH, HEIGHT)
+        scene["viewmats"] = scene["viewmats"].clone()
+        scene["viewmats"][:, 3, :] += 1e-6
+        rasterization(**scene, width=WIDTH, height=HEIGHT, sh_degree=0)
+
     def test_types_of_numbers(self):
         """Whole numbers of any type; never rounded."""
         expected, _, _ = rasterization(**make_scene(count=4), width=WIDTH, height=HEIGHT)

@@ -75,6 +75,7 @@ def splat(
 
 def _splat(tensors: tuple[Tensor, ...], scalars: tuple) -> tuple[Tensor, Tensor, Tensor | None]:
     _check_intrinsics("intrinsics", tensors[6], (tensors[5].shape[0], 4))
+    _check_last_rows(tensors[5])
     most = _DEGREES[tensors[4].shape[1]]
     if scalars[2] > most:
         scalars = (*scalars[:2], most, *scalars[3:])
@@ -144,7 +145,8 @@ def rasterization(
         opacities: [..., N], of 0 to 1. A larger one has a wider opaque middle, since alpha is capped.
         colors: [..., N, D] or [..., C, N, D] of any D and sign; with `sh_degree` coefficients [..., N, K, 3] or
             [..., C, N, K, 3].
-        viewmats: [..., C, 4, 4], from the world to the camera.
+        viewmats: [..., C, 4, 4], from the world to the camera. Another last row than 0, 0, 0, 1, as of transposed
+            matrices, is refused on the CPU; on a GPU the check would wait for it.
         Ks: [..., C, 3, 3]; constant.
         packed: decides the layout of `meta` alone.
         backgrounds: [..., C, D].
@@ -199,6 +201,7 @@ def _rasterize(tensors: tuple[Tensor, ...], options: tuple) -> tuple[Tensor, Ten
     else:
         # The op would see only parts of these tensors.
         _check_scene(tensors, options)
+    _check_last_rows(viewmats)
     width, height, near_plane, far_plane, antialiased = screen
     gaussians = (means, quats, scales, opacities)
     batch, views = means.shape[:-2], viewmats.shape[-3]
@@ -305,6 +308,24 @@ def _name_bad_tensors(render: Callable, check: Callable, tensors: tuple[Tensor, 
         except Exception as problem:
             raise problem from None
         raise
+
+
+def _check_last_rows(viewmats: Tensor) -> None:
+    """Refuses transposed matrices on the CPU. On a GPU the check would wait for it."""
+    if (
+        viewmats.device.type != "cpu" or type(viewmats) not in (Tensor, torch.nn.Parameter) or viewmats.dim() < 3
+        or viewmats.shape[-2:] != (4, 4) or torch.compiler.is_compiling()
+    ):
+        return
+    matrices = viewmats.detach().tolist()  # no operation of torch, which would take longer
+    for _ in range(viewmats.dim() - 3):
+        matrices = [matrix for scene in matrices for matrix in scene]
+    for matrix in matrices:
+        if max(abs(found - wanted) for found, wanted in zip(matrix[3], (0, 0, 0, 1))) > 1e-4:
+            raise ValueError(
+                f"viewmats: expected 0, 0, 0, 1 as the last row of each matrix, found {matrix[3]}; if the matrices are "
+                "transposed, pass their .mT"
+            )
 
 
 def _check_intrinsics(name: str, tensor: Tensor, shape: tuple[int, ...]) -> None:
