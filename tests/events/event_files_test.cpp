@@ -151,6 +151,25 @@ TEST_CASE("event files: text has its columns as it names them, else as they look
              jade::test::naming("half.csv:1", "0/1 or -1/+1", "0.5"));
 }
 
+TEST_CASE("event files: a fifth column of 0 and 1 without a name is noted, another refused",
+          "[events]") {
+  const TempDir dir;
+  std::string lines;
+  for (int i = 0; i < 12; ++i) lines += jade::concat(1000 + i, " ", i, " 3 ", i % 2, " 1\n");
+  const auto labelled = read_events(
+      dir.write("a.txt", "# x, y, polarity, signal/noise (1/0)\n" + lines + "1020 1 2 0 0\n"));
+  CHECK(labelled.events.size() == 13);
+  CHECK(labelled.events.x()[11].item<float>() == 11);
+  CHECK(int(labelled.events.polarity()[12].item<int8_t>()) == -1);
+  REQUIRE(labelled.warnings.size() == 1);
+  CHECK_THAT(labelled.warnings[0],
+             jade::test::naming("a.txt", "fifth column", "all events are kept"));
+  CHECK_THAT(message_of([&] { read_events(dir.write("b.txt", lines + "1020 1 2 0 7\n")); }),
+             jade::test::naming("b.txt:13", "fifth column", "found 7", "t x y p"));
+  CHECK_THAT(message_of([&] { read_events(dir.write("c.txt", "1 2 3 0 7\n")); }),
+             jade::test::naming("c.txt:1", "expected 4 numbers", "found 5"));
+}
+
 TEST_CASE("event files: an array called by its letter comes before others", "[events]") {
   const TempDir dir;
   {

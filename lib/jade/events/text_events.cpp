@@ -213,6 +213,14 @@ class TextEvents {
       count_ = fewest_ = kColumns, unit_ = TimeUnit::kAuto, named_by_comment_ = false;
       nanoseconds_.reset(), note_.clear();
     }
+    // v2e marks its noise in a last column, which its header does not name.
+    if (!columns_ && first_.empty() && count == kColumns + 1 && is_label(numbers)) {
+      count_ = fewest_ = count, has_label_ = true;
+    }
+    if (has_label_ && count == count_ && !is_label(numbers)) {
+      throw DataError(concat(path_.string(), ":", line, ": expected 0 or 1 in a fifth column ",
+                             "without a name, found ", numbers[kColumns], "; ", kNameColumns));
+    }
     if (!fits(count)) {
       throw DataError(concat(path_.string(), ":", line, ": expected ", count_,
                              " numbers (\"t x y p\" or in any order), found ", count, "; ",
@@ -241,6 +249,10 @@ class TextEvents {
   static constexpr size_t kLook = 4096;  // number of events sampled to recognise the columns
   static constexpr int kColumns = 4;     // columns of a list without names
 
+  /// Whether a fifth number is 0 or 1.
+  static bool is_label(const Numbers& numbers) {
+    return numbers[kColumns] == 0 || numbers[kColumns] == 1;
+  }
   bool fits(int count) const { return count >= fewest_ && count <= count_; }
   void keep(int64_t line, const Numbers& numbers) {
     const double polarity = numbers[(*columns_)[3]];
@@ -275,6 +287,11 @@ class TextEvents {
                      ", ", order[1], ", ", order[2], ", ", order[3],
                      " by their values; correct the names if that is wrong");
     }
+    if (has_label_) {
+      note_ +=
+          concat(note_.empty() ? path_.string() + ": " : "; ", "a fifth column of 0 and 1, as ",
+                 "v2e writes for noise and signal, is not used, and all events are kept");
+    }
     for (size_t i = 0; i < first_.size(); ++i) {
       Numbers numbers{};
       std::copy(first_[i].begin(), first_[i].end(), numbers.begin());
@@ -288,6 +305,7 @@ class TextEvents {
   int count_ = kColumns;   ///< largest number of values per line
   int fewest_ = kColumns;  ///< and smallest
   bool named_by_comment_ = false;
+  bool has_label_ = false;     ///< a fifth column without a name has only 0 and 1
   std::string unknown_names_;  ///< a first line of words that are no known names
   std::string note_;
   std::optional<size_t> nanoseconds_;  ///< position of the nanoseconds that are added to the

@@ -65,9 +65,10 @@ bool lists_events(const fs::path& path) {
     }
     if (row.empty()) continue;
     ++rows;
-    const bool has_sign =
-        std::any_of(row.begin(), row.end(), [](double v) { return v == 0 || v == 1 || v == -1; });
-    if (row.size() == 4 && has_sign) return true;
+    const auto is_sign = [](double v) { return v == 0 || v == 1 || v == -1; };
+    // v2e labels its noise in a fifth column.
+    const bool has_four = row.size() == 4 || (row.size() == 5 && is_sign(row.back()));
+    if (has_four && std::any_of(row.begin(), row.begin() + 4, is_sign)) return true;
   }
   return false;
 }
