@@ -170,6 +170,38 @@ TEST_CASE("event files: a fifth column of 0 and 1 without a name is noted, anoth
              jade::test::naming("c.txt:1", "expected 4 numbers", "found 5"));
 }
 
+TEST_CASE("event files: numbered files of a folder are one stream", "[events]") {
+  const TempDir dir;
+  std::filesystem::create_directory(dir / "events");
+  const auto write = [&](const std::string& name, const std::vector<int64_t>& t) {
+    const auto of = [&](auto value) { return torch::full({int64_t(t.size())}, value); };
+    jade::io::write_npz(dir / name, {{"x", of(int64_t(3))},
+                                     {"y", of(int64_t(4))},
+                                     {"t", torch::tensor(t)},
+                                     {"p", of(int64_t(1))}});
+  };
+  // Numbers need not follow the times, and empty files count too.
+  write("events/0.npz", {2000000, 2400000});
+  CHECK(event_chunks(dir / "events").empty());
+  write("events/1.npz", {1000000, 1900000});
+  write("events/10.npz", {});
+  CHECK(event_chunks(dir / "events").size() == 3);
+  const auto read = read_events(dir / "events");
+  CHECK(read.events.size() == 4);
+  CHECK(read.events.t_us()[1].item<int64_t>() == 1900000);
+  CHECK_FALSE(read.was_unsorted);
+  REQUIRE(!read.warnings.empty());
+  CHECK_THAT(read.warnings[0], jade::test::naming("3 files", "0.npz", "10.npz", "one recording"));
+  write("events/2.npz", {0, 1500000});  // a clock of its own
+  CHECK_THAT(message_of([&] { read_events(dir / "events"); }),
+             jade::test::naming("follow one another in time", "1.npz", "2.npz"));
+  dir.write("mixed/a1.txt", "1 2 3 0\n");
+  dir.write("mixed/a2.txt", "2 2 3 0\n");
+  CHECK(read_events(dir / "mixed").events.size() == 2);
+  dir.write("mixed/b1.txt", "2 2 3 0\n");
+  CHECK(event_chunks(dir / "mixed").empty());
+}
+
 TEST_CASE("event files: an array called by its letter comes before others", "[events]") {
   const TempDir dir;
   {

@@ -2,6 +2,7 @@
 // Layouts of public data sets in HDF5, written here by their documentation, and Prophesee's DAT.
 #include "support/catch.h"
 
+#include <algorithm>
 #include <functional>
 #include <hdf5.h>
 #include <torch/types.h>
@@ -9,6 +10,7 @@
 #include "jade/core/error.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/hdf5.h"
+#include "jade/io/npy.h"
 #include "jade/recording/format.h"
 #include "jade/recording/recording.h"
 #include "support/naming.h"
@@ -575,6 +577,24 @@ TEST_CASE("layouts: EDS has times in us and exposures as DSO reads them", "[reco
   dir.write("images/timestamps.txt", "1,002\n1,012\n1,022\n");
   CHECK_THAT(failure_of([&] { read_recording(dir.path()); }),
              test::naming("timestamps.txt", "decimal point"));
+}
+
+TEST_CASE("layouts: rpg_vid2e numbers its files of events", "[recording]") {
+  const TempDir dir;
+  write_pictures(dir / "imgs", {"00000.png", "00001.png", "00002.png"});
+  dir.write("timestamps.txt", "1.002\n1.012\n1.022\n");
+  std::filesystem::create_directory(dir / "events");
+  for (const int64_t chunk : {0, 1}) {
+    const auto of = [](int64_t value) { return torch::full({2}, value); };
+    const torch::Tensor t =
+        torch::tensor({int64_t(1000000000), int64_t(1015000000)}) + chunk * 16000000;
+    io::write_npz(dir / concat("events/000000000", chunk, ".npz"),
+                  {{"x", of(7)}, {"y", of(5)}, {"t", t}, {"p", of(1)}});
+  }
+  const Recording read = read_recording(dir.path());
+  CHECK(read.stored_events == 4);
+  CHECK(read.frames.size() == 3);
+  CHECK_THAT(layout_notes(read), test::naming("2 files of events", "one recording"));
 }
 
 TEST_CASE("layouts: TUM-VIE has times and exposures of each camera in us", "[recording]") {

@@ -21,49 +21,6 @@
 namespace jade::events {
 namespace {
 
-enum class EventFileKind { kHdf5, kNpz, kNpy, kText };
-
-/// Whether the name is that of text, which gzip may have compressed.
-bool is_list_of_text(std::filesystem::path name) {
-  if (name.extension() == ".gz") name.replace_extension();
-  const std::string ending = in_small_letters(name.extension().string());
-  return ending == ".txt" || ending == ".csv" || ending == ".tsv";
-}
-
-/// Recognised by its first bytes, because data sets use several extensions for one format; text by
-/// its extension.
-EventFileKind file_kind(const std::filesystem::path& path) {
-  const std::string ending = in_small_letters(path.extension().string());
-  std::ifstream file(path, std::ios::binary);
-  char head[6] = {};
-  file.read(head, sizeof head);
-  const std::string begin(head, size_t(file.gcount()));
-  const auto starts = [&](const char* with) { return begin.rfind(with, 0) == 0; };
-  if (ending == ".h5" || ending == ".hdf5" || starts("\x89HDF")) return EventFileKind::kHdf5;
-  if (ending == ".npz" || starts("PK\x03\x04")) return EventFileKind::kNpz;
-  if (ending == ".npy" || starts("\x93NUMPY")) return EventFileKind::kNpy;
-  if (is_list_of_text(path)) return EventFileKind::kText;
-  if (const std::string other = io::stand_in(path); !other.empty())
-    throw DataError(concat(path.string(), ": expected a list of events, found ", other));
-  throw DataError(concat(path.string(),
-                         ": expected a list of events named .h5, .hdf5, .npz, .npy, .txt or .csv, "
-                         "found '",
-                         path.filename().string(),
-                         "'; give a list in text the ending .txt, and a "
-                         "camera's own file to jade_import"));
-}
-
-RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind) {
-  switch (kind) {
-    case EventFileKind::kNpz:
-      return read_npz_events(path);
-    case EventFileKind::kNpy:
-      return read_npy_events(path);
-    default:
-      return read_text_events(path);
-  }
-}
-
 /// For a message: the range of polarities as read, clamped to int8.
 std::string values_from(const torch::Tensor& polarity) {
   const int low = polarity.min().item<int>(), high = polarity.max().item<int>();
@@ -338,6 +295,12 @@ std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const H
 /// reading it whole.
 RawEvents wanted_events(const std::filesystem::path& path, const EventFileOptions& options,
                         EventFileResult& result) {
+  if (std::filesystem::is_directory(path)) {
+    RawEvents raw = read_chunks(path, options.group, result.warnings);
+    result.stored = raw.time.numel();
+    check_event_memory(path, result.stored, options.event_bytes);
+    return raw;
+  }
   const EventFileKind kind = file_kind(path);
   if (kind != EventFileKind::kHdf5) {
     if (!options.group.empty()) {

@@ -74,6 +74,7 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 /// t_s and "t [us]" also give the unit, and so does an attribute "unit" or "units" in HDF5. Columns
 /// without names are recognised by their values: polarities are 0/1 or -1/+1, times never decrease,
 /// x comes before y.
+/// A folder stands for its event_chunks().
 /// Times are stored in µs, rounded down from ns. Unsorted times are sorted stably; copies
 /// (without_copies()) and a few events far from all others are left out. Events with NaN
 /// coordinates stay in the stream; counts ignore them. Each of these gives a warning.
@@ -82,6 +83,10 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 ///   polarities, times that are NaN or overlap no exposure in any unit.
 EventFileResult read_events(const std::filesystem::path& path,
                             const EventFileOptions& options = {});
+
+/// Files of a folder whose names differ only by a number at their end, sorted by name. Empty if
+/// there are none or only one, or others of kinds that read_events reads.
+std::vector<std::filesystem::path> event_chunks(const std::filesystem::path& folder);
 
 /// The stream of an HDF5 file that read_events reads. @throws DataError as it does.
 std::string event_group_name(const std::filesystem::path& path, const std::string& group);

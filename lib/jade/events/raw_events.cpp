@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <fstream>
 #include <torch/types.h>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "jade/events/columns.h"
 #include "jade/events/time_faults.h"
 #include "jade/io/npy.h"
+#include "jade/io/stand_in.h"
 
 namespace jade::events {
 namespace {
@@ -19,6 +21,13 @@ namespace {
 constexpr const char* kNameArrays = "store x, y, t and p as arrays of these names";
 /// Number of table rows sampled at its start, middle and end to recognise its columns.
 constexpr int64_t kTellingTableRows = 4096;
+
+/// Whether the name is that of text, which gzip may have compressed.
+bool is_list_of_text(std::filesystem::path name) {
+  if (name.extension() == ".gz") name.replace_extension();
+  const std::string ending = in_small_letters(name.extension().string());
+  return ending == ".txt" || ending == ".csv" || ending == ".tsv";
+}
 
 /// Converts one column of numbers to the library's type; times with fractions stay floating point.
 RawEvents from_columns(const std::filesystem::path& path, const torch::Tensor& x,
@@ -95,6 +104,38 @@ std::string event_array(const io::Npz& archive) {
 }
 
 }  // namespace
+
+EventFileKind file_kind(const std::filesystem::path& path) {
+  const std::string ending = in_small_letters(path.extension().string());
+  std::ifstream file(path, std::ios::binary);
+  char head[6] = {};
+  file.read(head, sizeof head);
+  const std::string begin(head, size_t(file.gcount()));
+  const auto starts = [&](const char* with) { return begin.rfind(with, 0) == 0; };
+  if (ending == ".h5" || ending == ".hdf5" || starts("\x89HDF")) return EventFileKind::kHdf5;
+  if (ending == ".npz" || starts("PK\x03\x04")) return EventFileKind::kNpz;
+  if (ending == ".npy" || starts("\x93NUMPY")) return EventFileKind::kNpy;
+  if (is_list_of_text(path)) return EventFileKind::kText;
+  if (const std::string other = io::stand_in(path); !other.empty())
+    throw DataError(concat(path.string(), ": expected a list of events, found ", other));
+  throw DataError(concat(path.string(),
+                         ": expected a list of events named .h5, .hdf5, .npz, .npy, .txt or .csv, "
+                         "found '",
+                         path.filename().string(),
+                         "'; give a list in text the ending .txt, and a "
+                         "camera's own file to jade_import"));
+}
+
+RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind) {
+  switch (kind) {
+    case EventFileKind::kNpz:
+      return read_npz_events(path);
+    case EventFileKind::kNpy:
+      return read_npy_events(path);
+    default:
+      return read_text_events(path);
+  }
+}
 
 torch::Tensor whole_polarity(const std::filesystem::path& path, const torch::Tensor& polarity) {
   if (!polarity.to(torch::kInt8).eq(polarity).all().item<bool>()) {

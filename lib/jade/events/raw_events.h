@@ -56,6 +56,21 @@ class Hdf5Events {
   std::shared_ptr<const Source> source_;
 };
 
+enum class EventFileKind { kHdf5, kNpz, kNpy, kText };
+
+/// Recognised by its first bytes, because data sets use several extensions for one format; text by
+/// its extension. @throws DataError for other files.
+EventFileKind file_kind(const std::filesystem::path& path);
+
+/// Reads a file that is not HDF5.
+RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind);
+
+/// Reads the files of event_chunks() as one, in the order of their first times, and adds how many
+/// there are to `warnings`.
+/// @throws DataError for files that overlap in time or have times in different units.
+RawEvents read_chunks(const std::filesystem::path& folder, const std::string& group,
+                      std::vector<std::string>& warnings);
+
 RawEvents read_npz_events(const std::filesystem::path& path);
 RawEvents read_npy_events(const std::filesystem::path& path);
 RawEvents read_text_events(const std::filesystem::path& path);

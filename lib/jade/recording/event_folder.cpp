@@ -11,6 +11,7 @@
 #include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/text.h"
+#include "jade/events/event_files.h"
 #include "jade/imaging/image_io.h"
 #include "jade/io/npy.h"
 #include "jade/io/stand_in.h"
@@ -115,8 +116,9 @@ bool is_blank(const fs::path& path) {
   return true;
 }
 
-/// The file of the events: one of the usual names, else the only one whose name says so. One
-/// without events only if there is no other.
+/// The file of the events: one of the usual names, else the only one whose name says so, else the
+/// folder events/ if it has numbered files of one stream. A file without events only if there is no
+/// other.
 fs::path events_in(const fs::path& folder) {
   fs::path blank;
   for (const char* name : kEventNames) {
@@ -130,6 +132,7 @@ fs::path events_in(const fs::path& folder) {
     if (!blank.empty())
       files.erase(std::remove_if(files.begin(), files.end(), is_blank), files.end());
     if (files.size() == 1) return files.front();
+    if (!files.empty() && events::event_chunks(where).size() > 1) return where;
     if (!files.empty()) return blank;
   }
   return blank;
@@ -345,7 +348,8 @@ void warn_of_other_events(const fs::path& folder, const fs::path& read, Recordin
   }
   for (const fs::path& path : event_files_in(folder, "events")) {
     const std::string name = path.filename().string();
-    if (path != read && std::find(others.begin(), others.end(), name) == others.end())
+    if (path != read && read != folder &&
+        std::find(others.begin(), others.end(), name) == others.end())
       others.push_back(name);
   }
   if (others.empty()) return;
