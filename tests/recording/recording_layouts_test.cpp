@@ -579,6 +579,36 @@ TEST_CASE("layouts: EDS has times in us and exposures as DSO reads them", "[reco
              test::naming("timestamps.txt", "decimal point"));
 }
 
+TEST_CASE("layouts: a list of starts and ends is read in the frames' folder and above",
+          "[recording]") {
+  const TempDir dir;
+  {
+    io::Hdf5Writer file(dir / "events.h5");
+    append_events<uint16_t, int64_t>(file, "");
+    file.close();
+  }
+  write_pictures(dir / "left_camera", {"1.0021.png", "1.0122.png", "1.0221.png"});
+  for (const char* place : {"left_camera/timestamp.txt", "timestamp.txt", "timestamps.txt",
+                            "left_camera/timestamps.txt"}) {
+    CAPTURE(place);
+    dir.write(place, "1.000 1.004\n1.0105 1.0135\n1.020 1.024\n");
+    const Recording read = read_recording(dir.path());
+    REQUIRE(read.frames.size() == 3);
+    check_span(read.frames[1], 1010500, 1013500);
+    CHECK_THAT(layout_notes(read), test::naming(place, "exposures of the frames"));
+    CHECK(std::adjacent_find(read.notes.begin(), read.notes.end()) == read.notes.end());
+    ReadOptions options;
+    options.frames = dir / "left_camera";
+    check_span(read_recording(dir / "events.h5", options).frames.at(1), 1010500, 1013500);
+    dir.write(place, "1.002\n1.012\n1.022\n");
+    check_span(read_recording(dir.path()).frames.at(1), 1012000, 1012000);
+    dir.write(place, "1.000 1.004\n1.0035 1.0135\n1.020 1.024\n");  // the pairs overlap
+    CHECK_THAT(failure_of([&] { read_recording(dir / "events.h5", options); }),
+               test::naming(place, "expected one time per frame"));
+    std::filesystem::remove(dir / place);
+  }
+}
+
 TEST_CASE("layouts: rpg_vid2e numbers its files of events", "[recording]") {
   const TempDir dir;
   write_pictures(dir / "imgs", {"00000.png", "00001.png", "00002.png"});

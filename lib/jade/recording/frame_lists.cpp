@@ -6,6 +6,7 @@
 //            SEQUENCE_image_timestamps.txt
 //   EDS      images_timestamps.txt in us, times.txt "number seconds milliseconds" as DSO reads it;
 //            KITTI's times.txt has the seconds only
+//   VECtor   left_camera/timestamp.txt "start end" in s
 //   TUM-VIE  left_images/image_timestamps_left.txt, image_exposures_left.txt, both in us
 #include <algorithm>
 #include <charconv>
@@ -266,9 +267,11 @@ std::vector<int64_t> column_us(const std::vector<Row>& rows, size_t column, Time
   if (unit == TimeUnit::kAuto) {
     unit = likely_unit(times).value_or(TimeUnit::kUs);
     if (unit != TimeUnit::kUs) {
-      notes.push_back(concat(list.string(),
-                             ": expected times in us, found frames too far apart or ",
-                             "too close for that; they are read as ", word_of(unit)));
+      const std::string note =
+          concat(list.string(), ": expected times in us, found frames too far ",
+                 "apart or too close for that; they are read as ", word_of(unit));
+      // Starts and ends are two columns of one unit.
+      if (notes.empty() || notes.back() != note) notes.push_back(note);
     }
   }
   return events::times_us(torch::tensor(times, torch::kFloat64), unit, list.string());
@@ -353,6 +356,17 @@ Lengths find_lengths(const std::vector<fs::path>& folders, const std::string& si
   return out;
 }
 
+/// Whether a list of times has the start and the end of each exposure: pairs that rise, each before
+/// the next.
+bool are_spans(const NumberList& list) {
+  const std::vector<Row>& rows = list.rows;
+  if (rows.size() < 2 || rows.front().size() != 2 || has_frame_numbers(list)) return false;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (rows[i][0] >= rows[i][1] || (i > 0 && rows[i - 1][1] > rows[i][0])) return false;
+  }
+  return true;
+}
+
 /// The column of the times, before which the frames may be counted.
 /// @throws DataError naming a line with two numbers that do not count.
 size_t time_column(const NumberList& list) {
@@ -396,7 +410,7 @@ std::vector<fs::path> list_folders(const fs::path& images, const fs::path& root)
     const bool is_side = !words.empty() && (words.back() == "left" || words.back() == "right");
     const bool is_part = is_side || has("image") || has("images") || has("img") || has("imgs") ||
                          has("frame") || has("frames") || has("rgb") || has("aps") ||
-                         has("rectified") || has("distorted") || has("data");
+                         has("rectified") || has("distorted") || has("data") || has("camera");
     if (!is_part) break;
     out.push_back(out.back().parent_path());
   }
@@ -485,7 +499,7 @@ bool add_frame_list(const fs::path& images, const fs::path& root, const ReadOpti
   if (add_spans(folders, side, options.time_unit, files, recording)) return true;
   const fs::path list = find_list(folders,
                                   {"image_timestamps_" + side + ".txt", "images_timestamps.txt",
-                                   "image_timestamps.txt", "timestamps.txt"},
+                                   "image_timestamps.txt", "timestamps.txt", "timestamp.txt"},
                                   "_image_timestamps.txt");
   if (!list.empty() && !has_no_names(list) && apply_named_times(list, options, files, recording))
     return true;
@@ -501,6 +515,10 @@ bool add_frame_list(const fs::path& images, const fs::path& root, const ReadOpti
   }
   const NumberList& source = stamps.rows.empty() ? dso : stamps;
   if (source.rows.empty()) return add_times_of_names(images, options, files, recording);
+  if (are_spans(source)) {
+    set_spans(source, options.time_unit, files, recording);
+    return true;
+  }
   const bool is_dso = &source == &dso && source.rows.front().size() > 1;
   const size_t column = is_dso ? 1 : time_column(source);
   const std::vector<int64_t> at =
