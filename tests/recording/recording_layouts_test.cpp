@@ -642,7 +642,10 @@ TEST_CASE("layouts: TUM-VIE has times and exposures of each camera in us", "[rec
   check_read(left);
   REQUIRE(left.frames.size() == 3);
   check_span(left.frames[1], 1010500, 1013500);
+  CHECK_THAT(layout_notes(left), !Catch::Contains("right"));
   write_pictures(dir / "right_images", {"00000.jpg", "00001.jpg", "00002.jpg"});
+  CHECK_THAT(layout_notes(read_recording(dir.path())),
+             test::naming("the left is read (left_images)", "not the right (right_images)"));
   dir.write("right_images/image_timestamps_right.txt", "1002000\n1012000\n1022000\n");
   dir.write("right_images/image_exposures_right.txt", "2000\n2000\n-2000\n");
   ReadOptions options;

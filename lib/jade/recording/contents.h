@@ -133,6 +133,11 @@ std::vector<FrameFile> timed_images(const std::filesystem::path& images,
                                     const std::filesystem::path& root, const ReadOptions& options,
                                     Recording& recording);
 
+/// Notes the right camera of a stereo recording in a folder, which is not read.
+/// @param read  images and events of the left one, or empty
+void note_right_camera(const std::filesystem::path& folder,
+                       const std::vector<std::filesystem::path>& read, Recording& recording);
+
 /// Replaces the recording's frames by the images of a folder, the pages of a TIFF or the frames of
 /// a video. A folder may contain exposures.csv, images.txt or timestamps.npz; frames of a video
 /// have its own clock, which starts at 0.

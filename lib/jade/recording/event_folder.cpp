@@ -496,6 +496,7 @@ Contents read_event_folder(const fs::path& folder, const ReadOptions& given) {
     out.read_events = events_of(events, options, exposures, recording);
     warn_of_other_events(folder, events, recording);
   }
+  note_right_camera(folder, {options.frames.empty() ? images : fs::path(), events}, recording);
   if (described) describe(folder, options, out);
   return out;
 }
