@@ -4,7 +4,7 @@ read_recording.py.
 
 Both formats are described at docs.inivation.com, "AEDAT 3.1" and "AEDAT 2.0". The latter does not specify how a
 DAVIS numbers its pixels; in files of jAER rows count from the bottom, and the columns of events, but not those of
-frames, from the right. read() fills an Output of recording_folder.py; problems are a ValueError of one line.
+frames, from the right. v2e writes the same, without the name of the camera. read() fills an Output of recording_folder.py; problems are a ValueError of one line.
 """
 import collections
 import os
@@ -219,18 +219,19 @@ class Records:
         lines = self.read_header(file)
         chip = next((found[1] for line in lines if (found := re.match(r"#\s*AEChip:.*?(\w+)$", line))), "")
         camera = re.match(r"davis_?(240|346|640)", chip, re.IGNORECASE)
-        if not camera:
+        self.of_v2e = not chip and any("v2e" in line for line in lines)
+        if not camera and not self.of_v2e:
             raise ValueError(f"expected a recording of a DAVIS240, 346 or 640, found {chip or 'no # AEChip'}; {CONVERT}")
-        out.size = SIZES[camera[1]]
         count, rest = divmod(size - file.tell(), RECORD.itemsize)
         if rest:
             out.warnings.append(cut_short(rest))
         if count == 0:
             raise ValueError("expected events behind the header, found none; record it again")
         self.records = np.memmap(path, RECORD, "r", file.tell(), count)
+        out.size = self.size_by_events() if self.of_v2e else SIZES[camera[1]]
         self.frames = Readout(out, shutter(lines, chip))
         self.coloured = re.search("colou?r|rgb", chip, re.IGNORECASE) is not None
-        self.mosaics, self.beside, self.wraps = False, 0, 0
+        self.mosaics, self.beside, self.wraps, self.noise = False, 0, 0, 0
 
     @staticmethod
     def read_header(file):
@@ -246,6 +247,19 @@ class Records:
                 break
             lines.append(text)
         return lines
+
+    def size_by_events(self):
+        """The smallest sensor of v2e that has all events. v2e writes DAVIS240 and 346 alike, 640x480 with other bits."""
+        x = y = 0
+        for at in range(0, len(self.records), CHUNK):
+            word = self.records["word"][at:at + CHUNK]
+            x, y = max(x, int((word >> 12 & 0x3ff).max())), max(y, int((word >> 22 & 0x1ff).max()))
+        size = next((SIZES[name] for name in ("240", "346") if x < SIZES[name][0] and y < SIZES[name][1]), None)
+        if size is None or y == 0:
+            raise ValueError("expected events of a 240x180 or 346x260 sensor, as v2e writes them for --dvs240 and --dvs346, found "
+                             "others; let v2e write --dvs_h5 or --dvs_text")
+        self.out.notes.append(f"v2e does not name the sensor; by its events it is that of {size[0]}x{size[1]} px")
+        return size
 
     def chunks(self, begin, end):
         """Yields the start of each piece, its words and its unwrapped times, us."""
@@ -274,12 +288,13 @@ class Records:
         width, height = self.out.size
         for _, word, t in self.chunks(*self.survey()):
             sample, special = word >> 31 == 1, word & 0x400 != 0
-            dvs = ~sample & ~special
+            dvs = ~sample & (~special | self.of_v2e)  # the special ones of v2e are its noise
+            self.noise += int(special.sum()) if self.of_v2e else 0
             x, y = width - 1 - (word[dvs] >> 12 & 0x3ff).astype(np.int64), height - 1 - (word[dvs] >> 22 & 0x1ff).astype(np.int64)
             on_sensor = (x >= 0) & (y >= 0)
             self.beside += int((~on_sensor).sum())
             self.out.events(x[on_sensor], y[on_sensor], t[dvs][on_sensor], (word[dvs] >> 11 & 1)[on_sensor])
-            for edge, rising in EDGES_2:
+            for edge, rising in () if self.of_v2e else EDGES_2:
                 self.out.edges += [(int(time), rising) for time in t[~sample & special & (word & 7 == edge)]]
             pixels = sample & (word >> 11 & 1 == 0)  # the others are those of the IMU
             if self.coloured:
@@ -293,6 +308,8 @@ class Records:
         notes, warnings = self.out.notes, self.out.warnings
         if self.wraps:
             notes.append(f"the time counter wraps {self.wraps} times and is continued")
+        if self.noise:
+            notes.append(f"{self.noise} events that v2e labels as noise are kept")
         if self.beside:
             warnings.append(f"{self.beside} events lie beside the sensor and are left out")
         if self.mosaics:

@@ -228,6 +228,22 @@ class Aedat2(Reading):
         self.assertEqual(out.edges, [(1002, 1), (1003, 0)])
         self.assertEqual((out.frames, out.notes), ([], []))
 
+    def test_v2e_names_no_camera_and_its_events_tell_the_sensor(self):
+        header = header2().replace(b"# AEChip: eu.seebetter.ini.chips.davis.DAVIS240C\r\n", b"")
+        with self.assertRaisesRegex(ValueError, "no # AEChip; convert"):
+            self.read(header + polarity2(3, 4, 1, 1))
+        header = header.replace(b"do not edit", b"created by AEDat2Output in v2e")
+        for width, height in ((240, 180), (346, 260)):
+            def event(x, y, t, more=0):
+                return record2((height - 1 - y) << 22 | (width - 1 - x) << 12 | 1 << 11 | more, t)
+            out = self.read(header + event(3, 4, 1000) + event(0, 0, 1001) + event(width - 1, height - 1, 1002, 1 << 10))
+            self.assertEqual(out.size, (width, height))
+            self.assertEqual(out.rows(), [(3, 4, 1000, 1), (0, 0, 1001, 1), (width - 1, height - 1, 1002, 1)])
+            self.assertIn(f"{width}x{height}", out.notes[0])
+            self.assertEqual((out.notes[1:], out.edges), (["1 events that v2e labels as noise are kept"], []))
+        for other in (479 << 11 | 639 << 1 | 1, 300 << 22 | 300 << 12):  # 640x480 has other bits
+            self.refused(header + record2(other, 1), "--dvs_h5 or --dvs_text")
+
     def test_a_global_shutter_exposes_between_the_two_reads(self):
         out = self.read(header2(is_global=True) + frame2(1000, 9000) + polarity2(1, 1, 9500, 1) + frame2(20000, 28000))
         self.assertEqual(out.times(), [(1239, 9000), (20239, 28000)])
