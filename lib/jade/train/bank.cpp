@@ -221,7 +221,7 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
     if (device.is_cuda()) torch::cuda::synchronize(device.index());
     restored.windows.reset();
     stored = std::async(policy, [this, &dataset, &spans, &targets, i, masks, exposure, restored] {
-      const torch::NoGradGuard no_grad;
+      const torch::NoGradGuard on_this_thread;
       add(exposure, spans[i], masks, dataset.monochrome, targets[i], restored);
     });
     if (!device.is_cuda()) stored.get();
