@@ -92,7 +92,7 @@ TEST_CASE("cameras: unknown keys are refused by name, in files of 3DGS only miss
   CHECK_THROWS_NAMING(DataError, read(own, R"("distorsion":[0.1])"), "\"distortion\"");
   CHECK_THROWS_NAMING(DataError, read(own, R"("time":3)"), "\"time\"", "remove it");
   CHECK_THROWS_NAMING(DataError, read(theirs, R"("distorsion":[0.1])"), "\"distortion\"");
-  CHECK(read(theirs, R"("id":3,"time":0.5,"weight":1)").size() == 1);
+  CHECK(read(theirs, R"("id":3,"time":0.5,"weight":1,"mode":"a","same":1)").size() == 1);
   const auto shared = [&](const std::string& more) {
     return read_cameras(dir.write("all.json", "{" + more + R"("cameras":[{)" + size + own + "}]}"));
   };

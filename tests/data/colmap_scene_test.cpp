@@ -325,6 +325,10 @@ TEST_CASE("colmap scene: a folder above the data set, and foreign cameras, are t
   fs::rename(folder / "gs/distorted/images", folder / "gs/images");
   CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder / "gs")),
                       "gs/distorted is one: ", "--set dataset.image_folder=../images");
+  fs::rename(folder / "gs/images", folder / "gs/input");
+  CHECK_THROWS_NAMING(DataError, load_dataset(dataset_at(folder / "gs")),
+                      "--set dataset.image_folder=../input");
+  fs::rename(folder / "gs/input", folder / "gs/images");
   DatasetOptions options = dataset_at(folder / "gs/distorted");
   options.image_folder = "../images";
   CHECK(load_dataset(options).train.size() + load_dataset(options).test.size() == 10);

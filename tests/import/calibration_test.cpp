@@ -270,6 +270,7 @@ binning_y: 0
   check_fails(without(ros1, "199.0, 0.0, 120.0, 0.0, 198.0", "0.0, 0.0, 0.0, 0.0, 0.0"),
               "K: expected a camera matrix, found zeros");
   check_fails(without(ros1, "binning_x: 0", "binning_x: 2"), "binning_x: expected 0 or 1");
+  check_fails(without(ros1, "binning_x: 0", "binningX: 2"), "binningX: expected 0 or 1");
   check_fails(without(ros1, "199.0, 0.0, 120.0", "199.0, 3.0, 120.0"), "without skew");
   const auto with_region = [&](const char* values) {
     return without(ros1, "---", std::string("roi:\n  x_offset: ") + values);
@@ -330,14 +331,23 @@ TEST_CASE("calibration: a misspelt key that changes the lens is refused by name"
   CHECK(read(four + model).cameras[0].lens.model == LensModel::kFisheye);
   check_fails(four + without(model, "distortion", "distorsion"), "distorsion_model");
   check_fails(four + "Fisheye_modle: 1\n", "fisheyemodel");
-  CHECK(read(four + "calibration_time: now\ncamera_name: left\n").cameras.size() == 1);
+  check_fails(four + without(model, "_model", "_modell"), "distortion_modell");
+  // Keys of other tools.
+  for (const char* more : {"calibration_time: now", "camera_name: left", "binning: 1",
+                           "camera_mode: RAW", "lens_mode: wide", "distortion_model0: radtan"}) {
+    INFO(more);
+    CHECK(read(concat(kOpenCv, more, "\n")).cameras.size() == 1);
+  }
   const std::string dv =
       R"({"version": "2.0", "cameras": {"C0": {"focalLength": [300, 300], "principalPoint": [170, 130],
           "resolution": [346, 260], "distortion": [0.1, 0, 0, 0, 0], "distortionModel": "radialTangential"}}})";
   const std::string right = without(dv, "\"distortion\"", "\"distortionCoefficients\"");
   CHECK(read(right).cameras[0].lens.k1 == 0.1);
   check_fails(without(right, "distortionModel", "distorsionModel"), "distorsionModel");
-  check_fails(without(right, ", \"distortionModel\": \"radialTangential\""), "distortionModel");
+  const std::string unsaid = without(right, ", \"distortionModel\": \"radialTangential\"");
+  check_fails(unsaid, "distortionModel");
+  CHECK(read(without(unsaid, "[0.1, 0, 0, 0, 0]", "[0, 0, 0, 0, 0]")).cameras.size() == 1);
+  CHECK(read(without(unsaid, "[0.1, 0, 0, 0, 0]", "[]")).cameras.size() == 1);
 }
 
 TEST_CASE("calibration: Kalibr's report in text is answered with its camchain", "[import]") {
@@ -408,16 +418,21 @@ TEST_CASE("calibration: sizes, else topics, say which camera of a chain took the
     if (changed) CHECK(there_and_back.translation[0] == Approx(0).margin(1e-9));
     return changed;
   };
-  // The sizes decide, whatever the topics are.
+  // The sizes decide.
   CHECK_FALSE(exchanged(chain("rostopic: /events", "\n  rostopic: /a", other), ""));
   auto swapped = chain("", "", other);
   std::swap(swapped.cameras[0], swapped.cameras[1]);
   CHECK(exchanged(swapped, "by their sizes"));
+  // Frames calibrated at another size, with that of the event camera: camera_of() refuses them.
+  auto scaled = chain("rostopic: /frames", "\n  rostopic: /events", other);
+  std::swap(scaled.cameras[0].width, scaled.cameras[1].width);
+  std::swap(scaled.cameras[0].height, scaled.cameras[1].height);
+  CHECK_FALSE(exchanged(scaled, ""));
   // Then the topics.
   CHECK(exchanged(chain("rostopic: /dvs/events", "\n  rostopic: /dvs/image_raw", same),
                   "/dvs/events"));
   CHECK(exchanged(chain("rostopic: /dvs/image_raw", "\n  rostopic: /cam1/image", same),
-                  "cam1 is taken"));
+                  "cam1 is taken for the frames; if it is"));
   CHECK_FALSE(
       exchanged(chain("rostopic: /cam0/image_raw", "\n  rostopic: /Event_cam/x", same), ""));
   // Without either, the order is kept with a warning.

@@ -217,7 +217,8 @@ std::string image_flag(const fs::path& model, const fs::path& root) {
     }
   };
   if (found_kind(model) != DatasetKind::kColmap || !images_in(model).empty()) return "";
-  const fs::path images = images_in(root);
+  fs::path images = images_in(root);
+  if (images.empty() && fs::is_directory(root / "input")) images = root / "input";  // of 3DGS
   return concat(", and its images with --set dataset.image_folder=",
                 images.empty() ? "FOLDER" : images.lexically_relative(model).string());
 }

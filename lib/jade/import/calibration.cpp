@@ -76,6 +76,15 @@ std::optional<Calibration> dv_storage(const std::filesystem::path& path, const D
 }
 
 /// The JSON of dv-processing: {"version": "2.0", "cameras": {"C0": {…}}}.
+/// Whether a list has a number other than 0.
+bool has_coefficients(const Section& section, const std::string& key) {
+  const DocumentNode* const node = section.node.find(key);
+  if (node == nullptr || (node->kind == DocumentNode::Kind::kText && node->text.empty()))
+    return false;
+  const std::vector<double> all = numbers(section, key, *node);
+  return std::any_of(all.begin(), all.end(), [](double each) { return each != 0; });
+}
+
 Calibration dv_set(const std::filesystem::path& path, const DocumentNode& cameras) {
   std::string names;
   for (const auto& [name, node] : cameras.entries) names += (names.empty() ? "" : " and ") + name;
@@ -88,10 +97,12 @@ Calibration dv_set(const std::filesystem::path& path, const DocumentNode& camera
   camera.fx = focal[0], camera.fy = focal[1];
   camera.cx = centre[0] + 0.5, camera.cy = centre[1] + 0.5;
   camera.width = int64_t(size[0]), camera.height = int64_t(size[1]);
-  refuse_misspelt(section, {"distortionmodel", "distortioncoefficients"});
+  refuse_misspelt(section, {"distortionmodel", "distortioncoefficients"},
+                  [](const DocumentNode&) { return true; });
   const std::string model = word(section, "distortionModel"), key = "distortionCoefficients";
-  const bool has_lens = !model.empty() || section.node.find(key) != nullptr;
-  if (!has_lens || model == "none") return {path, {camera}, {}};
+  if (model == "none" || (model.empty() && !has_coefficients(section, key))) {
+    return {path, {camera}, {}};
+  }
   const bool is_fisheye = model == "equidistant";
   if (!is_fisheye && model != "radialTangential") {
     throw DataError(concat(section.where("distortionModel"),
@@ -344,8 +355,12 @@ std::string put_frames_first(Calibration& calibration, int64_t width, int64_t he
     return camera.width == width && camera.height == height;
   };
   const bool by_size = fits(cameras[0]) != fits(cameras[1]);
-  const std::optional<size_t> events =
-      by_size ? size_t(fits(cameras[0]) ? 1 : 0) : camera_of_events(cameras);
+  std::optional<size_t> events = camera_of_events(cameras);
+  if (by_size) {
+    const size_t other = fits(cameras[0]) ? 1 : 0;
+    if (events && *events != other) return "";  // calibrated at another size, which is refused
+    events = other;
+  }
   const auto said = [&](const std::string& found, const std::string& fix) {
     return concat(calibration.path.string(), ": expected ", cameras[0].name, " of the frames and ",
                   cameras[1].name, " of the events, found ", found, "; ", fix);
@@ -360,7 +375,8 @@ std::string put_frames_first(Calibration& calibration, int64_t width, int64_t he
   const std::string line =
       said(by_size ? "them the other way round by their sizes"
                    : "the topic of events, " + cameras[0].topic + ", at the first",
-           concat(cameras[1].name, " is taken for the frames"));
+           concat(cameras[1].name, " is taken for the frames",
+                  by_size ? "" : "; if it is the event camera, write rostopic: /events into it"));
   std::swap(cameras[0], cameras[1]);
   calibration.second_from_first = geometry::inverse(*calibration.second_from_first);
   return line;

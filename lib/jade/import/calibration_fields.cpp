@@ -81,12 +81,19 @@ std::string plain(const std::string& name) {
   return out;
 }
 
-void refuse_misspelt(const Section& section, const std::vector<std::string>& known) {
+void refuse_misspelt(const Section& section, const std::vector<std::string>& known,
+                     const std::function<bool(const DocumentNode&)>& matters) {
   for (const auto& [key, value] : section.node.entries) {
     const std::string close = misspelt(plain(key), known);
+    if (close.empty() || !matters(value)) continue;
+    // distortion_model0 is of one camera of several.
+    const std::string mark =
+        plain(key).rfind(close, 0) == 0 ? plain(key).substr(close.size()) : "?";
+    if (std::all_of(mark.begin(), mark.end(), [](unsigned char c) { return std::isdigit(c); }))
+      continue;
     const auto is_close = [&](const auto& entry) { return plain(entry.first) == close; };
     const auto& all = section.node.entries;
-    if (close.empty() || std::any_of(all.begin(), all.end(), is_close)) continue;
+    if (std::any_of(all.begin(), all.end(), is_close)) continue;
     throw DataError(concat(section.where(key), ": looks like a misspelt ", close,
                            ", and would not be read; correct or remove it"));
   }

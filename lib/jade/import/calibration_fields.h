@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -45,9 +46,11 @@ std::string plain(const std::string& name);
 
 /// Refuses a key that looks like a misspelt one of `known`, which the map lacks. Other unknown keys
 /// pass: each tool writes some of its own.
-/// @param known  plain() names
+/// @param known    plain() names
+/// @param matters  whether the value is one that a known key could have
 /// @throws DataError naming the key.
-void refuse_misspelt(const Section& section, const std::vector<std::string>& known);
+void refuse_misspelt(const Section& section, const std::vector<std::string>& known,
+                     const std::function<bool(const config::DocumentNode&)>& matters);
 
 /// Lens of four to eight coefficients in the order of OpenCV.
 geometry::Lens radial_tangential(const std::vector<double>& k);

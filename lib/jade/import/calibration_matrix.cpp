@@ -69,10 +69,16 @@ LensKind lens_kind(const Section& section) {
       "plumbbob", "rationalpolynomial", "radtan",       "radialtangential", "brown", "brownconrady",
       "opencv",   "fullopencv",         "pinholeradtan"};
   static const Names kOther{"omni", "mei", "ds", "eucm", "fov", "doublesphere", "omnidirectional"};
-  Names optional = kModelNames;
-  for (const char* name : {"fisheye", "isfisheye", "fisheyemodel", "binningx", "binningy"})
-    optional.emplace_back(name);
-  refuse_misspelt(section, optional);
+  static const Names kFlags{"0", "1", "false", "true", "no", "yes", "off", "on"};
+  const auto is_value_of = [&](const std::vector<Names>& any) {
+    return [any](const DocumentNode& node) {
+      return node.kind == DocumentNode::Kind::kText &&
+             std::any_of(any.begin(), any.end(),
+                         [&](const Names& names) { return is_among(plain(node.text), names); });
+    };
+  };
+  refuse_misspelt(section, kModelNames, is_value_of({kFisheyes, kPerspectives, kOther}));
+  refuse_misspelt(section, {"fisheye", "isfisheye", "fisheyemodel"}, is_value_of({kFlags}));
   LensKind kind = LensKind::kUnsaid;
   std::string said_by;
   for (const auto& [key, node] : section.node.entries) {
@@ -125,10 +131,12 @@ void check_plain_camera(const Section& section, const CameraKeys& keys,
     throw DataError(concat(section.where(keys.matrix), ": expected a matrix without skew, found ",
                            matrix[1], " there; calibrate without"));
   }
-  for (const char* const key : {"binning_x", "binning_y"}) {
-    const DocumentNode* const node = section.node.find(key);
-    if (node == nullptr || number(section, key, *node) <= 1) continue;
-    throw DataError(concat(section.where(key), ": expected 0 or 1, found ", node->text,
+  for (const char* const name : {"binningx", "binningy"}) {
+    const std::string key = key_among(section.node, {name});
+    if (key.empty()) continue;
+    const double found = number(section, key, *section.node.find(key));
+    if (found <= 1) continue;
+    throw DataError(concat(section.where(key), ": expected 0 or 1, found ", found,
                            "; the matrix is that of the whole sensor, calibrate at the recording's "
                            "size"));
   }

@@ -205,8 +205,8 @@ void Trainer::finish() {
   monitor_.check();
   times_.end("steps");
   step_graph_.release(state_, device_);
-  Report report(data_.dataset, bank(), state_);
   save();
+  Report report(data_.dataset, bank(), state_);
   const data::Dataset posed = posed_dataset();
   if (state_.poses && interrupt_requested()) stop();  // discard half-fitted poses
   times_.end("test poses");
