@@ -134,13 +134,14 @@ class Output {
 void report(const simulate::SimulateResult& result, const std::filesystem::path& folder,
             bool json) {
   const auto& c = result.content;
+  const nlohmann::json blur = result.blur_px > 0 ? nlohmann::json(result.blur_px) : nullptr;
   if (json) {
     std::cout << nlohmann::json{{"output", folder.string()},
                                 {"exposures", c.train.size()},
                                 {"test_views", c.test.size()},
                                 {"events", c.events.size()},
                                 {"frames", result.frames},
-                                {"blur_px", result.blur_px},
+                                {"blur_px", blur},
                                 {"largest_flow_px", result.largest_flow_px},
                                 {"pose_error_mid_rms_px", result.pose_errors.mid.rms},
                                 {"pose_error_mid_max_px", result.pose_errors.mid.max},
@@ -153,9 +154,11 @@ void report(const simulate::SimulateResult& result, const std::filesystem::path&
     return;
   }
   std::cout << std::fixed << std::setprecision(2) << folder.string() << ": " << c.train.size()
-            << " blurry frames (mean blur " << result.blur_px << " px), " << c.test.size()
-            << " sharp test views, " << grouped(c.events.size()) << " events from "
-            << grouped(result.frames) << " rendered frames\n";
+            << " blurry frames (mean blur ";
+  if (result.blur_px > 0) std::cout << result.blur_px << " px";
+  if (!(result.blur_px > 0)) std::cout << "not known";
+  std::cout << "), " << c.test.size() << " sharp test views, " << grouped(c.events.size())
+            << " events from " << grouped(result.frames) << " rendered frames\n";
   const auto& errors = result.pose_errors;
   if (errors.nine.max > 0.01) {
     std::cout << "Written poses are " << errors.mid.rms << " px off at mid-exposure (at most "

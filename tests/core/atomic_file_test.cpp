@@ -45,6 +45,17 @@ TEST_CASE("AtomicFile: a link stays, and its target is written", "[core]") {
   CHECK(read_file(dir / "circle") == "replaced");
 }
 
+TEST_CASE("check_link: a link without its target is refused with both names", "[core]") {
+  const test::TempDir dir;
+  dir.write("file.txt", "old");
+  std::filesystem::create_symlink("file.txt", dir / "link");
+  std::filesystem::create_symlink("missing.txt", dir / "dangling");
+  CHECK_NOTHROW(check_link(dir / "file.txt"));
+  CHECK_NOTHROW(check_link(dir / "link"));
+  CHECK_NOTHROW(check_link(dir / "none.txt"));
+  CHECK_THROWS_NAMING(DataError, check_link(dir / "dangling"), "dangling", "missing.txt");
+}
+
 TEST_CASE("AtomicFolder: what is written appears with commit, else nothing is left", "[core]") {
   const test::TempDir dir;
   const auto path = dir.path() / "a" / "b";

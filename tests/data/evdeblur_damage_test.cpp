@@ -314,10 +314,22 @@ TEST_CASE("damage: swapped starts and ends, and impossible splits, are refused",
   scene.options.split = SplitKind::kAuto;
   io::write_npz(scene.root / "images_1/timestamps.npz",
                 {{"timestamps_start", end}, {"timestamps_end", start}});
-  CHECK_THROWS_NAMING(DataError, scene.warnings(), "timestamps.npz", "before its start");
+  CHECK_THROWS_NAMING(DataError, scene.warnings(), "timestamps.npz", "swap the two arrays");
+  torch::Tensor once = end.clone();
+  once[0] = start[0] - 1000;
+  io::write_npz(scene.root / "images_1/timestamps.npz",
+                {{"timestamps_start", start}, {"timestamps_end", once}});
+  CHECK_THROWS_NAMING(DataError, scene.warnings(), "frame 0 ends", "correct its times");
   io::write_npz(scene.root / "images_1/timestamps.npz",
                 {{"timestamps_start", start}, {"timestamps_end", end.slice(0, 1)}});
   CHECK_THROWS_NAMING(DataError, scene.warnings(), "timestamps.npz", "length");
+}
+
+TEST_CASE("damage: a link to events that are missing is refused", "[data]") {
+  Scene scene;
+  fs::remove(scene.root / "events.h5");
+  fs::create_symlink("elsewhere/events.h5", scene.root / "events.h5");
+  CHECK_THROWS_NAMING(DataError, scene.warnings(), "events.h5", "elsewhere", "does not exist");
 }
 
 TEST_CASE("damage: blank and repeated frames are named", "[data]") {

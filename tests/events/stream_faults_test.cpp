@@ -185,6 +185,23 @@ TEST_CASE("stream faults: coordinates that count from 1", "[events]") {
   CHECK(one_based_fault({}, size).empty());
 }
 
+TEST_CASE("stream faults: places between 0 and 1, and below 0, are named", "[events]") {
+  const int64_t count = 2000;
+  const torch::Tensor all = torch::arange(count), t = all * 20;
+  const torch::Tensor x = all.remainder(50).to(torch::kFloat32),
+                      y = all.floor_divide(7).remainder(40).to(torch::kFloat32);
+  const torch::Tensor p = torch::ones({count}, torch::kInt8);
+  CHECK_THAT(place_fault({x / 50, y / 40, t, p}), test::naming("normalised"));
+  CHECK(place_fault({x, y, t, p}).empty());
+  CHECK(place_fault({x - 5, y - 5, t, p}).empty());  // as rectified events may lie
+  CHECK(place_fault({x, y.clamp_max(1), t, p}).empty());
+  CHECK_THAT(place_fault({x, y - 40, t, p}), test::naming("y below 0 in 100 %", "down to -40"));
+  CHECK_THAT(place_fault({x - 25, y - 20, t, p}), test::naming("x below 0", "and y below 0"));
+  const torch::Tensor lost = x.clone();
+  lost[3] = NAN;
+  CHECK(place_fault({lost, y, t, p}).empty());
+}
+
 TEST_CASE("stream faults: copies of nearly all events are removed, single ones stay", "[events]") {
   const int64_t count = 20000;
   const torch::Tensor all = torch::arange(count);

@@ -130,4 +130,12 @@ void make_writable_folder(const fs::path& path) {
   }
 }
 
+void check_link(const fs::path& path) {
+  std::error_code ignored;
+  if (!fs::is_symlink(path, ignored) || fs::exists(path, ignored)) return;
+  throw DataError(concat(path.string(), ": expected a file, found a link to ",
+                         fs::read_symlink(path, ignored).string(),
+                         ", which does not exist; copy that file, or remove the link"));
+}
+
 }  // namespace jade

@@ -57,6 +57,10 @@ void write_file(const std::filesystem::path& path, const std::string& content);
 /// Returns the content of a file. @throws DataError if it cannot be read.
 std::string read_file(const std::filesystem::path& path);
 
+/// @throws DataError if the path is a link whose target is missing, as of data that were not
+/// copied.
+void check_link(const std::filesystem::path& path);
+
 /// Removes the UTF-8 byte order mark that spreadsheets and Windows editors put before a text.
 std::string without_mark(const std::string& text);
 

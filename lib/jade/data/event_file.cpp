@@ -7,6 +7,7 @@
 #include <future>
 #include <torch/types.h>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "jade/core/text.h"
 #include "jade/data/named_files.h"
@@ -82,13 +83,16 @@ void check_room(const fs::path& path, const Dataset& data) {
 
 fs::path find_event_file(const DatasetOptions& options) {
   if (!options.events_file.empty()) {
+    check_link(options.events_file);
     if (fs::is_regular_file(options.events_file)) return options.events_file;
     throw DataError(concat(options.events_file.string(),
                            ": no such file; dataset.events_file must be a recording of events"));
   }
   for (const char* name : {"events.h5", "events.hdf5", "events/events.h5", "events.npz",
                            "events.npy", "events.txt", "events.csv"}) {
-    if (fs::is_regular_file(options.path / name)) return options.path / name;
+    const fs::path path = options.path / name;
+    check_link(path);
+    if (fs::is_regular_file(path)) return path;
   }
   return {};
 }
@@ -165,7 +169,8 @@ void attach_events(const DatasetOptions& options, const EventSpan& exposures, co
   file_options.exposures = events::TimeWindow{exposures.begin_us, exposures.end_us};
   events::EventFileResult result = events::read_events(path, file_options);
   for (const std::string& line : result.warnings) warnings.add(line);
-  std::array<std::future<std::string>, 3> faults{
+  std::array<std::future<std::string>, 4> faults{
+      std::async(std::launch::async, [&] { return events::place_fault(result.events); }),
       std::async(std::launch::async, [&] { return events::polarity_fault(result.events); }),
       std::async(std::launch::async, [&] { return events::resolution_fault(result.events); }),
       std::async(std::launch::async, [&] {

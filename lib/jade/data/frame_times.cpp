@@ -120,12 +120,17 @@ FrameTimes read_frame_times(const std::filesystem::path& path, TimeUnit unit) {
   const std::vector<int64_t> ends =
       events::times_us(end, known, path.string() + "[timestamps_end]");
   FrameTimes times{std::vector<FrameTime>(starts.size()), known};
+  size_t reversed = 0;
   for (size_t i = 0; i < starts.size(); ++i) {
     times.frames[i] = {starts[i], ends[i]};
-    if (ends[i] < starts[i]) {
-      throw DataError(concat(path.string(), ": frame ", i, " ends at ", ends[i],
-                             " us, before its start at ", starts[i], " us; swap the two arrays"));
-    }
+    reversed += ends[i] < starts[i] ? 1 : 0;
+  }
+  for (size_t i = 0; i < starts.size() && reversed > 0; ++i) {
+    if (ends[i] >= starts[i]) continue;
+    throw DataError(concat(
+        path.string(), ": frame ", i, " ends at ", ends[i], " us, before its start at ", starts[i],
+        2 * reversed > starts.size() ? " us; swap the two arrays"
+                                     : " us; correct its times, or leave the frame out"));
   }
   check_lengths(times, path.string());
   return times;

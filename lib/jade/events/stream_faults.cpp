@@ -225,6 +225,33 @@ std::string silence_fault(const std::vector<NamedWindow>& exposures,
                 "), between dense events, as lost packets leave them");
 }
 
+std::string place_fault(const EventStream& events) {
+  constexpr int64_t kFew = 1000;
+  constexpr double kNearlyAll = 0.99, kMany = 0.25;  // rectified events leave the image
+  if (events.size() < kFew) return "";
+  const auto share = [&](const torch::Tensor& which) {
+    return which.sum().item<double>() / double(events.size());
+  };
+  const auto in_unit = [&](const torch::Tensor& places) {
+    return share(places.ge(0).logical_and(places.le(1))) > kNearlyAll &&
+           share(places.frac().ne(0)) > 0.5;
+  };
+  if (in_unit(events.x()) && in_unit(events.y())) {
+    return "expected event places in pixels, found x and y from 0 to 1; if they are normalised, "
+           "multiply x by the sensor's width and y by its height";
+  }
+  std::string found;
+  for (const auto& [name, places] : {std::pair("x", events.x()), std::pair("y", events.y())}) {
+    const double below = share(places.lt(-0.5));
+    if (below <= kMany) continue;
+    found += concat(found.empty() ? "" : " and ", name, " below 0 in ", std::round(100 * below),
+                    " % of the events, down to ", places.nan_to_num().min().item<double>());
+  }
+  if (found.empty()) return "";
+  return concat("expected event places from 0 at the upper left pixel, found ", found,
+                "; add what is missing to them");
+}
+
 std::string one_based_fault(const EventStream& events, const ImageSize& size) {
   constexpr int64_t kFewest = 10;  // events in the row, and in the column, beyond the last
   const torch::Tensor x = events.x().round(), y = events.y().round();

@@ -42,6 +42,10 @@ std::vector<TimeWindow> silences(const EventStream& events);
 std::string silence_fault(const std::vector<NamedWindow>& exposures,
                           const std::vector<TimeWindow>& silences);
 
+/// A fault of places that are no pixels of an image: between 0 and 1, or a quarter of them below 0.
+/// Empty otherwise, and for fewer than 1000 events.
+std::string place_fault(const EventStream& events);
+
 /// A fault of coordinates that count from 1: no event in the first column and row of a sensor of
 /// this size, and some just beyond the last ones. Empty otherwise.
 std::string one_based_fault(const EventStream& events, const ImageSize& size);

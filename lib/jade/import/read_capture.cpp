@@ -81,6 +81,10 @@ void check_recording(const recording::Recording& recording, const TimeOptions& t
                      "times"));
   }
   if (recording.stored_events == 0) {
+    std::error_code is_file;
+    for (const auto& entry : fs::directory_iterator(recording.source, is_file)) {
+      check_link(entry.path());
+    }
     throw DataError(concat(source, ": holds no events; expected a recording of an event camera"));
   }
 }

@@ -173,6 +173,11 @@ void check_first_pixel(const Recording& recording) {
   if (!fault.empty()) throw DataError(concat(recording.source.string(), ": ", fault));
 }
 
+void check_places(const Recording& recording) {
+  const std::string fault = events::place_fault(recording.events);
+  if (!fault.empty()) throw DataError(concat(recording.source.string(), ": ", fault));
+}
+
 /// Infers the sensor's size from frames of the event sensor itself.
 void find_sensor_size(Recording& recording) {
   recording.size_is_said = recording.width > 0;
@@ -393,6 +398,7 @@ void complete(const fs::path& path, const ReadOptions& options, Contents& conten
   recording.mask_root = mask_root(path, options, contents);
   read_frames(std::move(contents.files), recording);
   check_unit(recording);
+  check_places(recording);
   check_first_pixel(recording);
   find_sensor_size(recording);
   drop_outside(recording);
