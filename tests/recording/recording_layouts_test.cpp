@@ -595,16 +595,53 @@ TEST_CASE("layouts: a list of starts and ends is read in the frames' folder and 
     const Recording read = read_recording(dir.path());
     REQUIRE(read.frames.size() == 3);
     check_span(read.frames[1], 1010500, 1013500);
-    CHECK_THAT(layout_notes(read), test::naming(place, "exposures of the frames"));
+    CHECK_THAT(layout_notes(read), test::naming(place, "start and the end", "median length 4000 us",
+                                                "two clocks", "# start end"));
     CHECK(std::adjacent_find(read.notes.begin(), read.notes.end()) == read.notes.end());
     ReadOptions options;
     options.frames = dir / "left_camera";
     check_span(read_recording(dir / "events.h5", options).frames.at(1), 1010500, 1013500);
+    dir.write(place, "# start end\n1.000 1.004\n1.0105 1.0135\n1.020 1.024\n");
+    CHECK_THAT(layout_notes(read_recording(dir.path())), test::naming("exposures of the frames"));
+    dir.write(place, "sensor_time,arrival_time\n1.000,1.004\n1.0105,1.0135\n1.020,1.024\n");
+    CHECK_THAT(failure_of([&] { read_recording(dir / "events.h5", options); }),
+               test::naming(place, "expected one time per frame"));
     dir.write(place, "1.002\n1.012\n1.022\n");
     check_span(read_recording(dir.path()).frames.at(1), 1012000, 1012000);
     dir.write(place, "1.000 1.004\n1.0035 1.0135\n1.020 1.024\n");  // the pairs overlap
     CHECK_THAT(failure_of([&] { read_recording(dir / "events.h5", options); }),
                test::naming(place, "expected one time per frame"));
+    std::filesystem::remove(dir / place);
+  }
+}
+
+TEST_CASE("layouts: a timestamp.txt of something else is passed over", "[recording]") {
+  const TempDir dir;
+  {
+    io::Hdf5Writer file(dir / "events.h5");
+    append_events<uint16_t, int64_t>(file, "");
+    file.close();
+  }
+  write_pictures(dir / "images", {"1.002.png", "1.012.png", "1.022.png"});
+  for (const char* other : {"1690000000.123\n", "1.0 1.03\n", "1\n2\n3\n4\n",
+                            "Recorded 2023-05-01 at 10\n", "1\n2 3\nfour\n"}) {
+    CAPTURE(other);
+    dir.write("timestamp.txt", other);
+    const Recording read = read_recording(dir.path());
+    REQUIRE(read.frames.size() == 3);
+    check_span(read.frames[1], 1012000, 1012000);
+    CHECK_THAT(layout_notes(read),
+               test::naming("timestamp.txt", "3 frames", "it is not used", "timestamps.txt"));
+  }
+  dir.write("timestamp.txt", "1.003\n1.013\n1.023\n");
+  check_span(read_recording(dir.path()).frames.at(1), 1013000, 1013000);
+  // Every list that was read before comes first.
+  for (const char* place : {"timestamps.txt", "times.txt", "frames.csv"}) {
+    CAPTURE(place);
+    dir.write(place, "1.004\n1.014\n1.024\n");
+    const Recording read = read_recording(dir.path());
+    check_span(read.frames.at(1), 1014000, 1014000);
+    CHECK_THAT(layout_notes(read), test::naming("timestamp.txt: is not used beside", place));
     std::filesystem::remove(dir / place);
   }
 }

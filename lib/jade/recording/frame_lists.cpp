@@ -278,8 +278,9 @@ std::vector<int64_t> column_us(const std::vector<Row>& rows, size_t column, Time
 }
 
 /// Assigns the exposures of a list of their starts and ends.
-void set_spans(const NumberList& list, TimeUnit unit, std::vector<FrameFile>& files,
-               Recording& recording) {
+/// @param is_assumed  no name and no header says that these are the two times; a warning does
+void set_spans(const NumberList& list, TimeUnit unit, bool is_assumed,
+               std::vector<FrameFile>& files, Recording& recording) {
   std::vector<std::string>& notes = recording.notes;
   const std::vector<Row> rows = rows_of(list, files, notes);
   const auto starts = column_us(rows, 0, unit, list.path, notes);
@@ -290,7 +291,19 @@ void set_spans(const NumberList& list, TimeUnit unit, std::vector<FrameFile>& fi
     throw DataError(concat(list.path.string(), ": ", file_name(files[i]), " ends at ", ends[i],
                            " us, before its start at ", starts[i], " us; swap the two"));
   }
-  notes.push_back(concat(list.path.string(), ": has the exposures of the frames"));
+  if (is_assumed) {
+    std::vector<int64_t> lengths;
+    for (size_t i = 0; i < files.size(); ++i) lengths.push_back(ends[i] - starts[i]);
+    const auto median = lengths.begin() + std::ptrdiff_t(lengths.size() / 2);
+    std::nth_element(lengths.begin(), median, lengths.end());
+    recording.warnings.push_back(concat(
+        list.path.string(), ": two times per frame without a header are read as the start ",
+        "and the end of its exposure, median length ", *median, " us; if they are times of ",
+        "two clocks, as of the sensor and of arrival, keep one column, else write the first ",
+        "line '# start end'"));
+  } else {
+    notes.push_back(concat(list.path.string(), ": has the exposures of the frames"));
+  }
   check_apart(list.path, files, recording);
 }
 
@@ -303,7 +316,7 @@ bool add_spans(const std::vector<fs::path>& folders, const std::string& side, Ti
                 "_" + whole),
       2, 2);
   if (list.rows.empty()) return false;
-  set_spans(list, unit, files, recording);
+  set_spans(list, unit, false, files, recording);
   return true;
 }
 
@@ -356,15 +369,49 @@ Lengths find_lengths(const std::vector<fs::path>& folders, const std::string& si
   return out;
 }
 
+/// The lines before the first number of a list, in small letters.
+std::string header_of(const fs::path& path) {
+  std::istringstream text(io::read_text(path));
+  std::string header;
+  for (std::string line; std::getline(text, line);) {
+    const auto first = line.find_first_not_of(" \t\r");
+    if (first == std::string::npos) continue;
+    if (line[first] != '#' && numbers_of(line)) break;
+    header += in_small_letters(line) + '\n';
+  }
+  return header;
+}
+
 /// Whether a list of times has the start and the end of each exposure: pairs that rise, each before
-/// the next.
-bool are_spans(const NumberList& list) {
+/// the next, below no header of other columns.
+bool are_spans(const NumberList& list, const std::string& header) {
   const std::vector<Row>& rows = list.rows;
   if (rows.size() < 2 || rows.front().size() != 2 || has_frame_numbers(list)) return false;
+  const auto names = [&](const char* word) { return header.find(word) != std::string::npos; };
+  if (!header.empty() && !names("start") && !names("begin") && !names("exposure")) return false;
   for (size_t i = 0; i < rows.size(); ++i) {
     if (rows[i][0] >= rows[i][1] || (i > 0 && rows[i - 1][1] > rows[i][0])) return false;
   }
   return true;
+}
+
+/// VECtor's list, whose name lists and notes of other things have too: empty, with a note, unless
+/// it has one line of one or two numbers for each frame.
+NumberList list_of_each(const fs::path& path, const std::vector<FrameFile>& files,
+                        std::vector<std::string>& notes) {
+  if (path.empty()) return {};
+  std::string found = "other text";
+  try {
+    NumberList list = read_list(path, 1, 2);
+    const size_t count = list.rows.size();
+    if (count == files.size()) return list;
+    if (count > 0) found = concat(count, count == 1 ? " line" : " lines");
+  } catch (const DataError&) {
+  }
+  notes.push_back(concat(path.string(), ": expected one time, or start and end, for each of ",
+                         files.size(), " frames, found ", found, "; it is not used; if it has the ",
+                         "times of the frames, name it timestamps.txt"));
+  return {};
 }
 
 /// The column of the times, before which the frames may be counted.
@@ -446,7 +493,7 @@ bool apply_numbers(const fs::path& path, const ReadOptions& options, std::vector
   const NumberList list = read_list(path, 1, 2);
   const bool single = list.rows.front().size() == 1;
   if (!single && !has_frame_numbers(list)) {
-    set_spans(list, options.time_unit, files, recording);
+    set_spans(list, options.time_unit, false, files, recording);
     return true;
   }
   const std::vector<int64_t> at = column_us(rows_of(list, files, recording.notes), single ? 0 : 1,
@@ -499,24 +546,31 @@ bool add_frame_list(const fs::path& images, const fs::path& root, const ReadOpti
   if (add_spans(folders, side, options.time_unit, files, recording)) return true;
   const fs::path list = find_list(folders,
                                   {"image_timestamps_" + side + ".txt", "images_timestamps.txt",
-                                   "image_timestamps.txt", "timestamps.txt", "timestamp.txt"},
+                                   "image_timestamps.txt", "timestamps.txt"},
                                   "_image_timestamps.txt");
+  const fs::path times = find_list(folders, {"times.txt"});
+  fs::path csv = list.empty() ? find_list(folders, {"frames.csv"}) : fs::path();
+  // Lists of other things have this name too.
+  if (!csv.empty() && !has_no_names(csv) && !has_column_of_times(csv)) csv.clear();
+  const fs::path lone = find_list(folders, {"timestamp.txt"});
+  const fs::path other = !list.empty() ? list : !csv.empty() ? csv : times;
+  if (!lone.empty() && !other.empty())
+    notes.push_back(concat(lone.string(), ": is not used beside ", other.string()));
   if (!list.empty() && !has_no_names(list) && apply_named_times(list, options, files, recording))
     return true;
-  const NumberList dso = read_list(find_list(folders, {"times.txt"}), 1, 5);
+  const NumberList dso = read_list(times, 1, 5);
   NumberList stamps = read_list(list, 1, 2);
-  // Lists of other things have this name too.
-  const fs::path csv = list.empty() ? find_list(folders, {"frames.csv"}) : fs::path();
   if (!csv.empty() && has_no_names(csv)) {
     stamps = read_list(csv, 1, 2);
-  } else if (!csv.empty() && has_column_of_times(csv) &&
-             apply_named_times(csv, options, files, recording)) {
+  } else if (!csv.empty() && apply_named_times(csv, options, files, recording)) {
     return true;
   }
+  if (other.empty()) stamps = list_of_each(lone, files, notes);
   const NumberList& source = stamps.rows.empty() ? dso : stamps;
   if (source.rows.empty()) return add_times_of_names(images, options, files, recording);
-  if (are_spans(source)) {
-    set_spans(source, options.time_unit, files, recording);
+  const std::string header = header_of(source.path);
+  if (are_spans(source, header)) {
+    set_spans(source, options.time_unit, header.empty(), files, recording);
     return true;
   }
   const bool is_dso = &source == &dso && source.rows.front().size() > 1;
