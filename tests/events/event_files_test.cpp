@@ -163,11 +163,24 @@ TEST_CASE("event files: a fifth column of 0 and 1 without a name is noted, anoth
   CHECK(int(labelled.events.polarity()[12].item<int8_t>()) == -1);
   REQUIRE(labelled.warnings.size() == 1);
   CHECK_THAT(labelled.warnings[0],
-             jade::test::naming("a.txt", "fifth column", "all events are kept"));
+             jade::test::naming("a.txt", "fifth column", "all events are kept", "of a camera"));
   CHECK_THAT(message_of([&] { read_events(dir.write("b.txt", lines + "1020 1 2 0 7\n")); }),
              jade::test::naming("b.txt:13", "fifth column", "found 7", "t x y p"));
   CHECK_THAT(message_of([&] { read_events(dir.write("c.txt", "1 2 3 0 7\n")); }),
              jade::test::naming("c.txt:1", "expected 4 numbers", "found 5"));
+  // The label stands behind t x y p only.
+  std::string camera, seconds, place;
+  for (int i = 0; i < 12; ++i) {
+    const int x = 20 + i * 7 % 5, t = 1000 + i, p = i / 2 % 2;
+    camera += jade::concat(i % 2, " ", t, " ", x, " 30 ", p, "\n");
+    seconds += jade::concat("0 ", t, " ", x, " 30 ", p, "\n");
+    place += jade::concat(x, " 30 ", p, " ", t, " 0\n");
+  }
+  for (const std::string& other : {camera, seconds, place}) {
+    CAPTURE(other);
+    CHECK_THAT(message_of([&] { read_events(dir.write("d.txt", other)); }),
+               jade::test::naming("d.txt:1", "expected 4 numbers", "found 5", "t x y p"));
+  }
 }
 
 TEST_CASE("event files: numbered files of a folder are one stream", "[events]") {

@@ -646,6 +646,13 @@ TEST_CASE("layouts: a timestamp.txt of something else is passed over", "[recordi
   }
 }
 
+TEST_CASE("layouts: boxes of five columns are no events", "[recording]") {
+  const TempDir dir;
+  dir.write("my_events.txt", "1.000 3 4 1\n1.020 5 6 0\n");
+  dir.write("events_boxes.txt", "0 12 30 40 1\n1 12 30 40 1\n");
+  CHECK(read_recording(dir.path()).stored_events == 2);
+}
+
 TEST_CASE("layouts: rpg_vid2e numbers its files of events", "[recording]") {
   const TempDir dir;
   write_pictures(dir / "imgs", {"00000.png", "00001.png", "00002.png"});

@@ -222,11 +222,10 @@ class TextEvents {
                              "without a name, found ", numbers[kColumns], "; ", kNameColumns));
     }
     if (!fits(count)) {
-      throw DataError(concat(path_.string(), ":", line, ": expected ", count_,
-                             " numbers (\"t x y p\" or in any order), found ", count, "; ",
-                             !empty()             ? "complete or remove the line"
-                             : count_ == kColumns ? kNameColumns
-                                                  : "complete the line"));
+      refuse(line, count_, count,
+             !empty()             ? "complete or remove the line"
+             : count_ == kColumns ? kNameColumns
+                                  : "complete the line");
     }
     if (columns_) return keep(line, numbers);
     first_.push_back({numbers[0], numbers[1], numbers[2], numbers[3]});
@@ -253,6 +252,10 @@ class TextEvents {
   static bool is_label(const Numbers& numbers) {
     return numbers[kColumns] == 0 || numbers[kColumns] == 1;
   }
+  [[noreturn]] void refuse(int64_t line, int wanted, int found, const char* mend) const {
+    throw DataError(concat(path_.string(), ":", line, ": expected ", wanted,
+                           " numbers (\"t x y p\" or in any order), found ", found, "; ", mend));
+  }
   bool fits(int count) const { return count >= fewest_ && count <= count_; }
   void keep(int64_t line, const Numbers& numbers) {
     const double polarity = numbers[(*columns_)[3]];
@@ -276,7 +279,12 @@ class TextEvents {
   }
   void settle() {
     if (columns_) return;
+    const auto is_sign = [](const Row& row) { return std::abs(row[3]) == 1 || row[3] == 0; };
+    if (has_label_ && !std::all_of(first_.begin(), first_.end(), is_sign))
+      refuse(lines_[0], kColumns, count_, kNameColumns);
     columns_ = likely_columns(first_, Preference::kFirst, path_.string(), kNameColumns);
+    // v2e writes t x y p before its label.
+    if (has_label_ && columns_ != kTimeFirst) refuse(lines_[0], kColumns, count_, kNameColumns);
     if (!unknown_names_.empty()) {
       std::array<const char*, kColumns> order{};
       for (size_t field = 0; field < order.size(); ++field) {
@@ -290,7 +298,8 @@ class TextEvents {
     if (has_label_) {
       note_ +=
           concat(note_.empty() ? path_.string() + ": " : "; ", "a fifth column of 0 and 1, as ",
-                 "v2e writes for noise and signal, is not used, and all events are kept");
+                 "v2e writes for noise and signal, is not used, and all events are kept; the ",
+                 "number of a camera would look the same: give each camera a file of its own");
     }
     for (size_t i = 0; i < first_.size(); ++i) {
       Numbers numbers{};

@@ -67,9 +67,9 @@ bool lists_events(const fs::path& path) {
     if (row.empty()) continue;
     ++rows;
     const auto is_sign = [](double v) { return v == 0 || v == 1 || v == -1; };
-    // v2e labels its noise in a fifth column.
-    const bool has_four = row.size() == 4 || (row.size() == 5 && is_sign(row.back()));
-    if (has_four && std::any_of(row.begin(), row.begin() + 4, is_sign)) return true;
+    if (row.size() == 4 && std::any_of(row.begin(), row.end(), is_sign)) return true;
+    // v2e labels its noise in a fifth column, behind the polarity.
+    if (row.size() == 5 && is_sign(row[3]) && is_sign(row[4])) return true;
   }
   return false;
 }
