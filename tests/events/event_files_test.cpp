@@ -213,6 +213,38 @@ TEST_CASE("event files: numbered files of a folder are one stream", "[events]") 
   CHECK(read_events(dir / "mixed").events.size() == 2);
   dir.write("mixed/b1.txt", "2 2 3 0\n");
   CHECK(event_chunks(dir / "mixed").empty());
+  // Hidden files, and text beside arrays, are none of them; two cameras are not one stream.
+  dir.write("events/._0.npz", "0");
+  dir.write("events/meta1.txt", "1 2 3 4\n");
+  CHECK(event_chunks(dir / "events").size() == 4);
+  for (const char* name : {"cams/cam0.txt", "cams/cam1.txt"}) dir.write(name, "1 2 3 0\n");
+  CHECK(event_chunks(dir / "cams").empty());
+}
+
+TEST_CASE("event files: the largest of numbered files tells the columns of all", "[events]") {
+  const TempDir dir;
+  std::string many, few, labelled;
+  for (int i = 0; i < 12; ++i) {
+    many += jade::concat(20 + i * 7 % 5, " 30 ", 1000 + i, " ", i % 2, "\n");
+    labelled += jade::concat(1000 + i, " 20 30 ", i % 2, " 1\n");
+  }
+  for (const int x : {21, 22, 25}) few += jade::concat(x, " 31 ", 1000 + x, " 1\n");
+  dir.write("events/0.txt", many);
+  dir.write("events/1.txt", few);
+  const auto read = read_events(dir / "events");
+  CHECK(read.events.size() == 15);
+  CHECK(read.events.t_us()[14].item<int64_t>() == 1025);
+  CHECK(read.events.x()[14].item<float>() == 25);
+  dir.write("labels/0.txt", labelled);
+  dir.write("labels/1.txt", "2000 20 30 1 0\n");
+  const auto labels = read_events(dir / "labels");
+  CHECK(labels.events.size() == 13);
+  CHECK(labels.warnings.size() == 2);
+  CHECK_THAT(labels.warnings[0], jade::test::naming("labels: a fifth column"));
+  EventFileOptions grouped;
+  grouped.group = "left";
+  CHECK_THAT(message_of([&] { read_events(dir / "events", grouped); }),
+             jade::test::naming("0.txt", "group"));
 }
 
 TEST_CASE("event files: an array called by its letter comes before others", "[events]") {

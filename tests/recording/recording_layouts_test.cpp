@@ -653,6 +653,35 @@ TEST_CASE("layouts: boxes of five columns are no events", "[recording]") {
   CHECK(read_recording(dir.path()).stored_events == 2);
 }
 
+TEST_CASE("layouts: numbered files are joined only where they are the events", "[recording]") {
+  const TempDir dir;
+  write_pictures(dir / "images", {"1.002.png"});
+  dir.write("exposures.csv", "name,start_us,end_us\n1.002,1000000,1004000\n");
+  const auto write = [&](const std::string& name, int64_t begin_us) {
+    io::Hdf5Writer file(dir / name);
+    append_events<uint16_t, int64_t>(file, "", -begin_us);
+    file.close();
+  };
+  const auto is_refused = [&](const char* name) {
+    const Recording read = read_recording(dir.path());
+    CHECK(read.stored_events == 0);
+    CHECK_THAT(layout_notes(read), test::naming("expected one file of events", name, "--frames"));
+  };
+  write("dvs_events_front.h5", 0), write("dvs_events_back.h5", 0);
+  for (const char* imu : {"imu0.csv", "imu1.csv"}) dir.write(imu, "1,1,2,3\n");
+  is_refused("dvs_events_front.h5");
+  for (const char* name : {"dvs_events_front.h5", "dvs_events_back.h5"})
+    std::filesystem::remove(dir / name);
+  write("events_0.h5", 0), write("events_1.h5", 1000000);
+  is_refused("events_0.h5");
+  std::filesystem::create_directory(dir / "events");
+  for (const char* name : {"events_0.h5", "events_1.h5"})
+    std::filesystem::rename(dir / name, dir / concat("events/", name));
+  CHECK(read_recording(dir.path()).stored_events == 2 * kEventCount);
+  std::filesystem::rename(dir / "events/events_1.h5", dir / "events/other_1.h5");
+  is_refused("other_1.h5");
+}
+
 TEST_CASE("layouts: rpg_vid2e numbers its files of events", "[recording]") {
   const TempDir dir;
   write_pictures(dir / "imgs", {"00000.png", "00001.png", "00002.png"});

@@ -296,18 +296,13 @@ std::vector<Stretch> wanted_stretches(const std::filesystem::path& path, const H
 RawEvents wanted_events(const std::filesystem::path& path, const EventFileOptions& options,
                         EventFileResult& result) {
   if (std::filesystem::is_directory(path)) {
-    RawEvents raw = read_chunks(path, options.group, result.warnings);
+    RawEvents raw = read_chunks(path, options.group, options.event_bytes, result.warnings);
     result.stored = raw.time.numel();
-    check_event_memory(path, result.stored, options.event_bytes);
     return raw;
   }
   const EventFileKind kind = file_kind(path);
   if (kind != EventFileKind::kHdf5) {
-    if (!options.group.empty()) {
-      throw DataError(concat(path.string(), ": expected an HDF5 file, of which a group is chosen (",
-                             options.group, "), found another format; leave the group out"));
-    }
-    RawEvents raw = read_raw(path, kind);
+    RawEvents raw = read_raw(path, kind, options.group);
     result.stored = raw.time.numel();
     check_event_memory(path, result.stored, options.event_bytes);
     return raw;

@@ -84,8 +84,9 @@ void check_event_memory(const std::filesystem::path& path, int64_t count, double
 EventFileResult read_events(const std::filesystem::path& path,
                             const EventFileOptions& options = {});
 
-/// Files of a folder whose names differ only by a number at their end, sorted by name. Empty if
-/// there are none or only one, or others of kinds that read_events reads.
+/// Numbered files of one stream in a folder, sorted by name: arrays, or text where there are none,
+/// whose names differ only by a number at their end. Empty if there are none or only one, or others
+/// of their kind, or if their names are those of cameras (cam, left, right, front, back).
 std::vector<std::filesystem::path> event_chunks(const std::filesystem::path& folder);
 
 /// The stream of an HDF5 file that read_events reads. @throws DataError as it does.

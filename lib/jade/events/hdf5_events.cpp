@@ -145,7 +145,7 @@ T read_number(const io::Hdf5File& file, const std::string& name) {
 
 struct Hdf5Events::Source {
   Source(const std::filesystem::path& path, const std::string& group,
-         std::vector<std::string>& notes)
+         const std::optional<Columns>& known, std::vector<std::string>& notes)
       : file(path) {
     const std::vector<Hdf5Stream> streams = find_streams(file);
     stream = chosen_stream(file, streams, group);
@@ -154,7 +154,7 @@ struct Hdf5Events::Source {
                              listed_names(streams), "); ", stream.name.empty() ? "/" : stream.name,
                              " is read, choose another with --events-group"));
     }
-    measure();
+    measure(known);
     for (const std::string& name : {stream.name + "/t_offset", std::string("t_offset")}) {
       if (offset_name.empty() && file.has(name)) offset_name = name;
     }
@@ -192,7 +192,7 @@ struct Hdf5Events::Source {
   }
 
   /// Finds the length, and the columns of a table.
-  void measure() {
+  void measure(const std::optional<Columns>& known) {
     if (stream.form == Hdf5Form::kArrays) {
       std::array<int64_t, 4> lengths{};
       for (size_t i = 0; i < 4; ++i) lengths[i] = file.length(stream.names[i]);
@@ -205,9 +205,10 @@ struct Hdf5Events::Source {
       return;
     }
     length = file.dataset(stream.name).shape[1 - stream.axis];
-    columns = likely_columns(telling_rows(), Preference::kLarger,
-                             concat(file.path().string(), ": ", stream.name),
-                             "store x, y, t and p as arrays of these names");
+    columns = known ? *known
+                    : likely_columns(telling_rows(), Preference::kLarger,
+                                     concat(file.path().string(), ": ", stream.name),
+                                     "store x, y, t and p as arrays of these names");
   }
 
   std::vector<Row> telling_rows() const {
@@ -303,8 +304,9 @@ struct Hdf5Events::Source {
   TimeUnit unit_attribute = TimeUnit::kAuto;  ///< from an attribute of the times
 };
 
-Hdf5Events::Hdf5Events(const std::filesystem::path& path, const std::string& group)
-    : source_(std::make_shared<Source>(path, group, notes_)) {}
+Hdf5Events::Hdf5Events(const std::filesystem::path& path, const std::string& group,
+                       const std::optional<Columns>& known)
+    : source_(std::make_shared<Source>(path, group, known, notes_)) {}
 
 Hdf5Events::~Hdf5Events() = default;
 
@@ -354,6 +356,7 @@ RawEvents Hdf5Events::read(const std::optional<std::vector<Stretch>>& wanted) co
   out.unit = unit();
   out.time_bits = time_bits();
   out.size = source.size;
+  if (source.stream.form == Hdf5Form::kTable) out.columns = source.columns;
   return out;
 }
 

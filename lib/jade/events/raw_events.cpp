@@ -59,7 +59,8 @@ std::vector<Row> telling_rows_of(const torch::Tensor& table) {
   return rows;
 }
 
-RawEvents from_table(const std::filesystem::path& path, const torch::Tensor& given) {
+RawEvents from_table(const std::filesystem::path& path, const torch::Tensor& given,
+                     const std::optional<Columns>& known) {
   const bool lying = given.dim() == 2 && given.size(0) == 4 && given.size(1) != 4;
   const torch::Tensor table = lying ? given.t() : given;
   if (table.dim() != 2 || table.size(1) != 4) {
@@ -68,14 +69,19 @@ RawEvents from_table(const std::filesystem::path& path, const torch::Tensor& giv
                            "these fields, found an array of shape ",
                            c10::IntArrayRef(given.sizes()), "; ", kNameArrays));
   }
-  const Columns c =
-      likely_columns(telling_rows_of(table), Preference::kLarger, path.string(), kNameArrays);
+  const Columns c = known ? *known
+                          : likely_columns(telling_rows_of(table), Preference::kLarger,
+                                           path.string(), kNameArrays);
   const auto column = [&](size_t i) { return table.select(1, int64_t(c[i])); };
-  return from_columns(path, column(0), column(1), column(2), column(3));
+  RawEvents out = from_columns(path, column(0), column(1), column(2), column(3));
+  out.columns = c;
+  return out;
 }
 
-RawEvents from_records(const std::filesystem::path& path, const io::NamedTensors& fields) {
-  if (fields.size() == 1 && fields[0].first.empty()) return from_table(path, fields[0].second);
+RawEvents from_records(const std::filesystem::path& path, const io::NamedTensors& fields,
+                       const std::optional<Columns>& known) {
+  if (fields.size() == 1 && fields[0].first.empty())
+    return from_table(path, fields[0].second, known);
   std::vector<std::string> names;
   for (const auto& [name, values] : fields) names.push_back(name);
   const auto c = named_columns(names);
@@ -126,14 +132,19 @@ EventFileKind file_kind(const std::filesystem::path& path) {
                          "camera's own file to jade_import"));
 }
 
-RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind) {
+RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind, const std::string& group,
+                   const std::optional<Columns>& known) {
+  if (!group.empty()) {
+    throw DataError(concat(path.string(), ": expected an HDF5 file, of which a group is chosen (",
+                           group, "), found another format; leave the group out"));
+  }
   switch (kind) {
     case EventFileKind::kNpz:
-      return read_npz_events(path);
+      return read_npz_events(path, known);
     case EventFileKind::kNpy:
-      return read_npy_events(path);
+      return read_npy_events(path, known);
     default:
-      return read_text_events(path);
+      return read_text_events(path, known);
   }
 }
 
@@ -155,7 +166,7 @@ void check_lengths(const std::filesystem::path& path, const std::array<int64_t, 
                          "; the recording is damaged or was cut short"));
 }
 
-RawEvents read_npz_events(const std::filesystem::path& path) {
+RawEvents read_npz_events(const std::filesystem::path& path, const std::optional<Columns>& known) {
   const io::Npz archive(path);
   std::array<std::string, 4> names;
   for (const auto& name : archive.names()) {
@@ -166,7 +177,7 @@ RawEvents read_npz_events(const std::filesystem::path& path) {
   const auto lacking = std::find(names.begin(), names.end(), "");
   if (lacking != names.end()) {
     if (const std::string whole = event_array(archive); !whole.empty())
-      return from_records(path, io::read_npz_fields(path, whole));
+      return from_records(path, io::read_npz_fields(path, whole), known);
     throw DataError(concat(path.string(), ": expected an array named ",
                            kFieldNames[lacking - names.begin()], "; ", kNameArrays));
   }
@@ -176,8 +187,8 @@ RawEvents read_npz_events(const std::filesystem::path& path) {
   return out;
 }
 
-RawEvents read_npy_events(const std::filesystem::path& path) {
-  return from_records(path, io::read_npy_fields(path));
+RawEvents read_npy_events(const std::filesystem::path& path, const std::optional<Columns>& known) {
+  return from_records(path, io::read_npy_fields(path), known);
 }
 
 }  // namespace jade::events

@@ -11,6 +11,7 @@
 #include <torch/types.h>
 #include <vector>
 
+#include "jade/events/columns.h"
 #include "jade/events/event_stream.h"
 #include "jade/events/time_survey.h"
 #include "jade/events/time_unit.h"
@@ -27,6 +28,7 @@ struct RawEvents {
   std::optional<ImageSize> size;    ///< of the sensor, if the file contains it
   int time_bits = 64;               ///< significant_bits() of the times as stored
   std::string note;                 ///< warning of a file that was read in doubt, or empty
+  std::optional<Columns> columns;   ///< of a table of four columns
 };
 
 /// One stream of events in an HDF5 file: arrays in a group, records, or a table of four columns.
@@ -34,8 +36,10 @@ class Hdf5Events {
  public:
   /// @param group  of the arrays, or the name of the records or the table; empty: the stream
   ///   nearest to the root, the first by name
+  /// @param known  columns of a table; none: by their values
   /// @throws DataError for a file without events, or without this stream, listing its streams.
-  Hdf5Events(const std::filesystem::path& path, const std::string& group);
+  Hdf5Events(const std::filesystem::path& path, const std::string& group,
+             const std::optional<Columns>& known = std::nullopt);
   ~Hdf5Events();
 
   const std::string& name() const;
@@ -63,17 +67,22 @@ enum class EventFileKind { kHdf5, kNpz, kNpy, kText };
 EventFileKind file_kind(const std::filesystem::path& path);
 
 /// Reads a file that is not HDF5.
-RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind);
+/// @param group  that the user chose, for which only HDF5 has a use
+/// @param known  columns of a table without names; none: by their values
+/// @throws DataError if a group was chosen.
+RawEvents read_raw(const std::filesystem::path& path, EventFileKind kind, const std::string& group,
+                   const std::optional<Columns>& known = std::nullopt);
 
 /// Reads the files of event_chunks() as one, in the order of their first times, and adds how many
-/// there are to `warnings`.
+/// there are to `warnings`. The columns of tables without names are those of the largest file.
+/// @param event_bytes  as in EventFileOptions
 /// @throws DataError for files that overlap in time or have times in different units.
 RawEvents read_chunks(const std::filesystem::path& folder, const std::string& group,
-                      std::vector<std::string>& warnings);
+                      double event_bytes, std::vector<std::string>& warnings);
 
-RawEvents read_npz_events(const std::filesystem::path& path);
-RawEvents read_npy_events(const std::filesystem::path& path);
-RawEvents read_text_events(const std::filesystem::path& path);
+RawEvents read_npz_events(const std::filesystem::path& path, const std::optional<Columns>& known);
+RawEvents read_npy_events(const std::filesystem::path& path, const std::optional<Columns>& known);
+RawEvents read_text_events(const std::filesystem::path& path, const std::optional<Columns>& known);
 
 /// Converts polarities to int8. @throws DataError for fractions, which the conversion would
 /// truncate.

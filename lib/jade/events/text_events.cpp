@@ -167,7 +167,8 @@ std::optional<ImageSize> size_in(std::string line) {
 /// Converts lines to events once the columns are known.
 class TextEvents {
  public:
-  explicit TextEvents(const std::filesystem::path& path) : path_(path) {}
+  TextEvents(const std::filesystem::path& path, const std::optional<Columns>& known)
+      : path_(path), known_(known) {}
 
   bool empty() const { return first_.empty() && time_.empty(); }
   /// Handles a line that is not an event: column names, the sensor's size, or a comment, which may
@@ -241,6 +242,9 @@ class TextEvents {
     out.time = tensor_of(std::move(time_), torch::kFloat64);
     out.unit = unit_, out.size = size_;
     out.note = note_;
+    const auto is_last = [](size_t column) { return column >= kColumns; };
+    if (columns_ && !nanoseconds_ && std::none_of(columns_->begin(), columns_->end(), is_last))
+      out.columns = columns_;
     return out;
   }
 
@@ -282,7 +286,8 @@ class TextEvents {
     const auto is_sign = [](const Row& row) { return std::abs(row[3]) == 1 || row[3] == 0; };
     if (has_label_ && !std::all_of(first_.begin(), first_.end(), is_sign))
       refuse(lines_[0], kColumns, count_, kNameColumns);
-    columns_ = likely_columns(first_, Preference::kFirst, path_.string(), kNameColumns);
+    columns_ =
+        known_ ? *known_ : likely_columns(first_, Preference::kFirst, path_.string(), kNameColumns);
     // v2e writes t x y p before its label.
     if (has_label_ && columns_ != kTimeFirst) refuse(lines_[0], kColumns, count_, kNameColumns);
     if (!unknown_names_.empty()) {
@@ -310,6 +315,7 @@ class TextEvents {
   }
 
   std::filesystem::path path_;
+  std::optional<Columns> known_;  ///< of lines without names; none: by their values
   std::optional<Columns> columns_;
   int count_ = kColumns;   ///< largest number of values per line
   int fewest_ = kColumns;  ///< and smallest
@@ -343,8 +349,8 @@ const char* behind_mark(const std::filesystem::path& path, const char* begin, co
 
 }  // namespace
 
-RawEvents read_text_events(const std::filesystem::path& path) {
-  TextEvents events(path);
+RawEvents read_text_events(const std::filesystem::path& path, const std::optional<Columns>& known) {
+  TextEvents events(path, known);
   int64_t line = 0;
   bool header_seen = false;
   for_each_line(path, [&](const char* begin, const char* end) {

@@ -116,6 +116,14 @@ bool is_blank(const fs::path& path) {
   return true;
 }
 
+/// Whether the files of events of a folder are those that read_events joins, blank ones aside.
+bool are_chunks(const fs::path& folder, std::vector<fs::path> files) {
+  std::vector<fs::path> chunks = events::event_chunks(folder);
+  for (std::vector<fs::path>* list : {&files, &chunks})
+    list->erase(std::remove_if(list->begin(), list->end(), is_blank), list->end());
+  return !chunks.empty() && files == chunks;
+}
+
 /// The file of the events: one of the usual names, else the only one whose name says so, else the
 /// folder events/ if it has numbered files of one stream. A file without events only if there is no
 /// other.
@@ -132,7 +140,7 @@ fs::path events_in(const fs::path& folder) {
     if (!blank.empty())
       files.erase(std::remove_if(files.begin(), files.end(), is_blank), files.end());
     if (files.size() == 1) return files.front();
-    if (!files.empty() && events::event_chunks(where).size() > 1) return where;
+    if (where != folder && are_chunks(where, files)) return where;
     if (!files.empty()) return blank;
   }
   return blank;
@@ -348,8 +356,7 @@ void warn_of_other_events(const fs::path& folder, const fs::path& read, Recordin
   }
   for (const fs::path& path : event_files_in(folder, "events")) {
     const std::string name = path.filename().string();
-    if (path != read && read != folder &&
-        std::find(others.begin(), others.end(), name) == others.end())
+    if (path != read && std::find(others.begin(), others.end(), name) == others.end())
       others.push_back(name);
   }
   if (others.empty()) return;

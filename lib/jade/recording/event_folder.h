@@ -11,7 +11,8 @@
 namespace jade::recording {
 
 /// True if a folder has events (a file of a usual name, or the only one with "events" in its name
-/// or in events/), or images_1/ or images/ with timestamps.npz or exposures.csv.
+/// or in events/, or numbered files there), or images_1/ or images/ with timestamps.npz or
+/// exposures.csv.
 bool is_event_folder(const std::filesystem::path& folder);
 
 /// Files that may have the events of a folder without one of a usual name: arrays, text, and those
