@@ -79,6 +79,9 @@ TEST_CASE("damage: a scene without events loads, with a warning", "[data]") {
   CHECK(load_dataset(scene.options).events.empty());
   scene.options.events_file = scene.root / "other.h5";
   CHECK_THROWS_WITH(scene.warnings(), Catch::Contains("other.h5"));
+  scene.options.events_file = scene.root;
+  CHECK_THROWS_WITH(scene.warnings(),
+                    Catch::Contains("expected one file of events, found a folder"));
 }
 
 TEST_CASE("damage: files named like events that are not read are named", "[data]") {

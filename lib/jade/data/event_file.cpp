@@ -85,6 +85,11 @@ fs::path find_event_file(const DatasetOptions& options) {
   if (!options.events_file.empty()) {
     check_link(options.events_file);
     if (fs::is_regular_file(options.events_file)) return options.events_file;
+    if (fs::is_directory(options.events_file)) {
+      throw DataError(concat(options.events_file.string(), ": expected one file of events, found ",
+                             "a folder; give one of its files, or convert them to one ",
+                             "events.h5 with x, y, t and p"));
+    }
     throw DataError(concat(options.events_file.string(),
                            ": no such file; dataset.events_file must be a recording of events"));
   }
