@@ -258,7 +258,9 @@ class Records:
         if size is None or y == 0:
             raise ValueError("expected events of a 240x180 or 346x260 sensor, as v2e writes them for --dvs240 and --dvs346, found "
                              "others; let v2e write --dvs_h5 or --dvs_text")
-        self.out.notes.append(f"v2e does not name the sensor; by its events it is that of {size[0]}x{size[1]} px")
+        self.out.notes.append(f"v2e does not name the sensor; by its events it is that of {size[0]}x{size[1]} px" + (
+            "; if v2e wrote 346x260 px, of which the left and the top have no events, let it write --dvs_h5 or --dvs_text"
+            if size == SIZES["240"] else ""))
         return size
 
     def chunks(self, begin, end):

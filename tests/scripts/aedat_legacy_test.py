@@ -239,7 +239,9 @@ class Aedat2(Reading):
             out = self.read(header + event(3, 4, 1000) + event(0, 0, 1001) + event(width - 1, height - 1, 1002, 1 << 10))
             self.assertEqual(out.size, (width, height))
             self.assertEqual(out.rows(), [(3, 4, 1000, 1), (0, 0, 1001, 1), (width - 1, height - 1, 1002, 1)])
-            self.assertIn(f"{width}x{height}", out.notes[0])
+            self.assertIn(f"it is that of {width}x{height} px", out.notes[0])
+            # A part of a larger sensor would look like the smaller one.
+            self.assertEqual("if v2e wrote 346x260 px" in out.notes[0], width == 240)
             self.assertEqual((out.notes[1:], out.edges), (["1 events that v2e labels as noise are kept"], []))
         for other in (479 << 11 | 639 << 1 | 1, 300 << 22 | 300 << 12):  # 640x480 has other bits
             self.refused(header + record2(other, 1), "--dvs_h5 or --dvs_text")
