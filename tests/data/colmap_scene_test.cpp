@@ -430,7 +430,23 @@ TEST_CASE(
   fs::remove(room / "sparse/0/points3D.ply");
   CHECK_FALSE(load_dataset(dataset_at(room), &warnings).points.defined());
   REQUIRE(warnings.size() == 1);
-  CHECK_THAT(warnings[0], test::naming("points3D", "random points"));
+  CHECK_THAT(warnings[0], test::naming("points3D", "without them (init.kind)"));
+}
+
+TEST_CASE("colmap scene: hold=N of Deblur-NeRF is the split, unless dataset.split is set",
+          "[data]") {
+  const test::TempDir folder;
+  const fs::path room = folder / "room";
+  write_colmap_scene(room, kCamera);
+  folder.write("room/hold=2", "");
+  DatasetOptions options = dataset_at(room);
+  const Dataset data = load_dataset(options);
+  const size_t count = data.test.size() + data.train.size();
+  CHECK(data.test.size() == (count + 1) / 2);
+  CHECK_THAT(data.split, Catch::Contains("hold=2"));
+  options.split = SplitKind::kLast;
+  options.test_last = 1;
+  CHECK(load_dataset(options).test.size() == 1);
 }
 
 TEST_CASE("colmap scene: masks in a folder that is not read are reported", "[data]") {

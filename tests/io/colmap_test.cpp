@@ -7,6 +7,7 @@
 #include <torch/types.h>
 #include <utility>
 
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "support/colmap_writer.h"
 #include "support/naming.h"
@@ -45,6 +46,24 @@ TEST_CASE("colmap: binary and text models hold the same cameras, images and poin
   test::save_model(folder.path(), test::binary_model(kCamera, two_images(), kPoints));
   CHECK(is_colmap_model(folder.path()));
   check_model(read_colmap(folder.path()));
+}
+
+TEST_CASE("colmap: points of the other kind of file are read if the model has none", "[io]") {
+  const test::TempDir folder;
+  const ColmapFiles binary = test::binary_model(kCamera, two_images(), kPoints),
+                    text = test::text_model(kCamera, two_images(), kPoints);
+  for (const bool is_binary : {true, false}) {
+    CAPTURE(is_binary);
+    const std::filesystem::path model = folder / (is_binary ? "binary" : "text"),
+                                own = model / (is_binary ? "points3D.bin" : "points3D.txt");
+    test::save_model(model, is_binary ? binary : text);
+    write_file(model / (is_binary ? "points3D.txt" : "points3D.bin"),
+               is_binary ? text.points : binary.points);
+    write_file(own, is_binary ? std::string(8, '\0') : "# none\n");
+    check_model(read_colmap(model));
+    std::filesystem::remove(own);
+    check_model(read_colmap(model));
+  }
 }
 
 TEST_CASE("colmap: text with a byte order mark and line ends of Windows is read", "[io]") {

@@ -330,9 +330,10 @@ void find_points(const fs::path& folder, const Warnings& warnings, io::ColmapMod
   const fs::path path = folder / "points3D.ply";
   if (fs::is_regular_file(path)) read_ply_points(path, {0, 0, 0}, warnings, model);
   if (!lacks_points()) return;
-  warnings.add(folder.string(),
-               ": expected points in points3D.bin, .txt or .ply, found none; the scene starts from "
-               "random points; copy the file from the model, or run COLMAP again");
+  warnings.add(
+      folder.string(),
+      ": expected points in points3D.bin, .txt or .ply, found none; the scene starts without "
+      "them (init.kind); copy the file from the model, or run COLMAP again");
 }
 
 void set_points(const io::ColmapModel& model, Dataset& data) {

@@ -331,6 +331,21 @@ void check_images(const ColmapModel& model, const std::string& file) {
   }
 }
 
+/// Replaces the model's points by those of a points3D file's content.
+void set_points(const std::string& content, bool binary, const std::string& folder,
+                ColmapModel& model) {
+  const std::string file = concat(folder, "/points3D", binary ? ".bin" : ".txt");
+  Points points;
+  if (!content.empty()) points = binary ? binary_points(content, file) : text_points(content, file);
+  for (const double value : points.xyz) {
+    if (!std::isfinite(value)) throw damaged(file, "found a point that is not finite");
+  }
+  model.points = torch::tensor(points.xyz, torch::kFloat64).reshape({-1, 3});
+  model.point_colors = torch::tensor(points.rgb, torch::kUInt8).reshape({-1, 3});
+  model.point_errors = torch::tensor(points.errors, torch::kFloat64);
+  model.point_images = std::move(points.images);
+}
+
 bool has_pair(const std::filesystem::path& folder, const char* extension) {
   return std::filesystem::exists(folder / (std::string("cameras") + extension)) &&
          std::filesystem::exists(folder / (std::string("images") + extension));
@@ -372,7 +387,6 @@ ColmapModel parse_colmap(const ColmapFiles& files) {
   const std::string extension = files.binary ? ".bin" : ".txt";
   const std::string cameras = files.name + "/cameras" + extension;
   const std::string images = files.name + "/images" + extension;
-  const std::string points_file = files.name + "/points3D" + extension;
   ColmapModel model;
   model.cameras =
       files.binary ? binary_cameras(files.cameras, cameras) : text_cameras(files.cameras, cameras);
@@ -380,18 +394,7 @@ ColmapModel parse_colmap(const ColmapFiles& files) {
   model.images =
       files.binary ? binary_images(files.images, images) : text_images(files.images, images);
   check_images(model, images);
-  Points points;
-  if (!files.points.empty()) {
-    points = files.binary ? binary_points(files.points, points_file)
-                          : text_points(files.points, points_file);
-  }
-  for (const double value : points.xyz) {
-    if (!std::isfinite(value)) throw damaged(points_file, "found a point that is not finite");
-  }
-  model.points = torch::tensor(points.xyz, torch::kFloat64).reshape({-1, 3});
-  model.point_colors = torch::tensor(points.rgb, torch::kUInt8).reshape({-1, 3});
-  model.point_errors = torch::tensor(points.errors, torch::kFloat64);
-  model.point_images = std::move(points.images);
+  set_points(files.points, files.binary, files.name, model);
   return model;
 }
 
@@ -407,9 +410,13 @@ ColmapModel read_colmap(const std::filesystem::path& folder) {
   const std::string extension = files.binary ? ".bin" : ".txt";
   files.cameras = read_file(folder / ("cameras" + extension));
   files.images = read_file(folder / ("images" + extension));
-  const std::filesystem::path points = folder / ("points3D" + extension);
-  if (std::filesystem::exists(points)) files.points = read_file(points);
-  return parse_colmap(files);
+  ColmapModel model = parse_colmap(files);
+  for (const bool binary : {files.binary, !files.binary}) {
+    const std::filesystem::path points = folder / (binary ? "points3D.bin" : "points3D.txt");
+    if (model.points.size(0) > 0 || !std::filesystem::exists(points)) continue;
+    set_points(read_file(points), binary, files.name, model);
+  }
+  return model;
 }
 
 }  // namespace jade::io

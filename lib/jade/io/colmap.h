@@ -53,8 +53,9 @@ bool is_colmap_model(const std::filesystem::path& folder);
 /// for a damaged text file.
 int64_t count_colmap_images(const std::filesystem::path& folder);
 
-/// Reads binary files if both cameras.bin and images.bin exist, else text. A missing points3D file
-/// gives no points.
+/// Reads binary files if both cameras.bin and images.bin exist, else text. If the points3D file of
+/// that kind is missing or has no points, that of the other kind is read; without either there are
+/// no points.
 /// @throws DataError naming the file for truncated, damaged or contradictory content, non-finite
 ///   numbers, zero rotations, two cameras or images with one id, an unknown camera model.
 ColmapModel read_colmap(const std::filesystem::path& folder);
