@@ -4,7 +4,11 @@
 #include "support/catch.h"
 
 #include <cmath>
+#include <cstring>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <tuple>
+#include <vector>
 
 #include "file_bytes.h"
 #include "jade/core/atomic_file.h"
@@ -45,15 +49,31 @@ json opened(const std::filesystem::path& glb, const std::filesystem::path& folde
 
 struct GltfFixture {
   test::TempDir dir;
-  splat::Gaussians gaussians = test::random_gaussians(30, 9);
+  mutable std::vector<std::string> notes;  ///< of the last read
+  splat::Gaussians gaussians;
   json document;
-  GltfFixture() {
+  explicit GltfFixture(int64_t count = 30) : gaussians(test::random_gaussians(count, 9)) {
     write_glb(dir / "a.glb", {gaussians, false});
     document = opened(dir / "a.glb", dir.path());
   }
   splat::Gaussians read() const {
     write_file(dir / "a.gltf", document.dump());
-    return read_gltf(dir / "a.gltf").gaussians;
+    notes.clear();
+    return read_gltf(dir / "a.gltf", notes).gaussians;
+  }
+  /// Writes one number of an attribute of one column into rows 0 to count - 1.
+  void overwrite(size_t accessor, int64_t count, float value) const {
+    const json& view =
+        document["bufferViews"][document["accessors"][accessor]["bufferView"].get<size_t>()];
+    std::string content = read_file(dir / "a.bin");
+    for (int64_t i = 0; i < count; ++i) {
+      std::memcpy(content.data() + view["byteOffset"].get<size_t>() + 4 * static_cast<size_t>(i),
+                  &value, sizeof value);
+    }
+    write_file(dir / "a.bin", content);
+  }
+  size_t accessor(const std::string& name) const {
+    return document["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:" + name];
   }
 };
 
@@ -168,7 +188,36 @@ TEST_CASE("gltf: only the first buffer of a .glb is its binary part", "[gaussian
   content[12] = static_cast<char>(size & 255u);
   content[13] = static_cast<char>(size >> 8 & 255u);
   write_file(fixture.dir / "b.glb", content);
-  CHECK_THROWS_WITH(read_gltf(fixture.dir / "b.glb"), Catch::Contains("buffer 1 without data"));
+  std::vector<std::string> notes;
+  CHECK_THROWS_WITH(read_gltf(fixture.dir / "b.glb", notes),
+                    Catch::Contains("buffer 1 without data"));
+}
+
+TEST_CASE("gltf: logits as opacities and logarithms as scales are refused", "[gaussians]") {
+  for (const auto& [name, value, others] :
+       {std::tuple{"OPACITY", -1.5f, "logits"}, std::tuple{"OPACITY", 255.f, "another scale"},
+        std::tuple{"SCALE", -3.f, "logarithms"}}) {
+    CAPTURE(name, value);
+    const GltfFixture fixture;
+    fixture.overwrite(fixture.accessor(name), 3, value);
+    CHECK_THROWS_NAMING(DataError, fixture.read(), "a.gltf", name, "3 of", others, ".ply");
+  }
+}
+
+TEST_CASE("gltf: a few opacities and scales out of range are noted", "[gaussians]") {
+  GltfFixture fixture(200);
+  CHECK(fixture.read().size() == 200);
+  CHECK(fixture.notes.empty());
+  fixture.overwrite(fixture.accessor("OPACITY"), 2, 1.0005f);
+  fixture.read();
+  CHECK(fixture.notes.empty());
+  fixture.overwrite(fixture.accessor("OPACITY"), 2, 1.5f);
+  fixture.overwrite(fixture.accessor("SCALE"), 1, -0.5f);
+  const splat::Gaussians read = fixture.read();
+  REQUIRE(fixture.notes.size() == 2);
+  CHECK_THAT(fixture.notes[0], test::naming("a.gltf", "SCALE", "1 of 600", "-0.5", "not rendered"));
+  CHECK_THAT(fixture.notes[1], test::naming("a.gltf", "OPACITY", "2 of 200", "1.5", "clamped"));
+  CHECK(read.logit_opacities[0].sigmoid().item<float>() == 1);
 }
 
 TEST_CASE("gltf: what is not read is named", "[gaussians]") {

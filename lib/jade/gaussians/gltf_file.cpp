@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -116,6 +117,7 @@ class Document {
                             found, "; write the scene again"));
   }
   const json& root() const { return json_; }
+  std::string name() const { return path_.string(); }
 
   /// [N,columns] float32.
   torch::Tensor read(const json& attributes, const std::string& name, int64_t columns) {
@@ -225,8 +227,45 @@ int degree_of(const json& attributes) {
   return 0;
 }
 
+/// The values that the extension permits for an attribute.
+struct Permitted {
+  const char* name;
+  double least, most;
+  const char* words;   ///< the range, for messages
+  const char* others;  ///< what many values below it are
+  const char* effect;  ///< on few values outside
+};
+constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+constexpr Permitted kScale{"SCALE", 0, kUnlimited, "of 0 or above", "logarithms", "not rendered"};
+constexpr Permitted kOpacity{"OPACITY", 0, 1, "from 0 to 1", "logits", "clamped"};
+
+/// Notes values outside of the permitted range.
+/// @throws DataError if they are more than 1 % of the finite values, as if the writer had stored
+///   the parameters of training.
+void check_range(const Document& document, const torch::Tensor& values, const Permitted& permitted,
+                 std::vector<std::string>& notes) {
+  constexpr double kRounding = 1e-3, kFew = 0.01;
+  const torch::Tensor finite = values.masked_select(values.isfinite());
+  const int64_t outside = (finite < permitted.least - kRounding)
+                              .logical_or(finite > permitted.most + kRounding)
+                              .sum()
+                              .item<int64_t>();
+  if (outside == 0) return;
+  const std::string found =
+      concat(document.name(), ": expected ", attribute(permitted.name), " ", permitted.words,
+             ", found ", outside, " of ", finite.numel(), " values outside, from ",
+             finite.min().item<double>(), " to ", finite.max().item<double>());
+  if (double(outside) > kFew * double(finite.numel())) {
+    const bool below = finite.min().item<double>() < permitted.least;
+    throw DataError(concat(found, ", as ", below ? permitted.others : "numbers of another scale",
+                           " have; write the file again with a newer program, or use its .ply"));
+  }
+  notes.push_back(concat(found, "; they are ", permitted.effect));
+}
+
 /// Gaussians of one primitive, in its node's axes.
-splat::Gaussians gaussians_of(Document& document, const json& primitive) {
+splat::Gaussians gaussians_of(Document& document, const json& primitive,
+                              std::vector<std::string>& notes) {
   const json& extension = primitive.at("extensions").at(kExtension);
   if (const auto inner = extension.find("extensions");
       inner != extension.end() && !inner->empty()) {
@@ -247,9 +286,12 @@ splat::Gaussians gaussians_of(Document& document, const json& primitive) {
   splat::Gaussians out;
   out.means = document.read(attributes, "POSITION", 3);
   out.rotations = document.read(attributes, attribute("ROTATION"), 4).roll(1, 1);
-  out.log_scales = document.read(attributes, attribute("SCALE"), 3).log();
-  out.logit_opacities =
-      torch::logit(document.read(attributes, attribute("OPACITY"), 1).squeeze(1).clamp(0, 1));
+  const torch::Tensor scales = document.read(attributes, attribute(kScale.name), 3);
+  check_range(document, scales, kScale, notes);
+  out.log_scales = scales.log();
+  const torch::Tensor opacities = document.read(attributes, attribute(kOpacity.name), 1).squeeze(1);
+  check_range(document, opacities, kOpacity, notes);
+  out.logit_opacities = torch::logit(opacities.clamp(0, 1));
   std::vector<torch::Tensor> sh;
   for (int degree = 0; degree <= degree_of(attributes); ++degree) {
     for (int i = 0; i <= 2 * degree; ++i) {
@@ -314,7 +356,8 @@ torch::Tensor matrix_of(const Document& document, const json& node) {
 /// The Gaussians of a scene's nodes.
 class Collector {
  public:
-  explicit Collector(Document& document) : document_(document) {}
+  Collector(Document& document, std::vector<std::string>& notes)
+      : document_(document), notes_(notes) {}
 
   /// Adds the Gaussians of a node and of its descendants.
   void collect(size_t index, const torch::Tensor& parent, int depth) {
@@ -328,7 +371,7 @@ class Collector {
     if (const auto mesh = node.find("mesh"); mesh != node.end()) {
       for (const json& primitive : root.at("meshes").at(mesh->get<size_t>()).at("primitives")) {
         if (!primitive.value("extensions", json::object()).contains(kExtension)) continue;
-        parts_.push_back(placed(document_, gaussians_of(document_, primitive), matrix));
+        parts_.push_back(placed(document_, gaussians_of(document_, primitive, notes_), matrix));
       }
     }
     for (const json& child : node.value("children", json::array())) {
@@ -339,6 +382,7 @@ class Collector {
 
  private:
   Document& document_;
+  std::vector<std::string>& notes_;
   std::set<size_t> visited_;
   std::vector<splat::Gaussians> parts_;
 };
@@ -417,9 +461,9 @@ void write_glb(const std::filesystem::path& path, const GaussianFile& file) {
   write_file(path, out + chunks);
 }
 
-GaussianFile read_gltf(const std::filesystem::path& path) {
+GaussianFile read_gltf(const std::filesystem::path& path, std::vector<std::string>& notes) {
   Document document(path);
-  Collector collector(document);
+  Collector collector(document, notes);
   try {
     check_required(document);
     const json& root = document.root();

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "jade/gaussians/ply.h"
 
@@ -16,9 +18,10 @@ void write_glb(const std::filesystem::path& path, const GaussianFile& file);
 
 /// Reads the Gaussians of all nodes of the scene of a .glb or .gltf, whose buffers are in the file
 /// or beside it, transformed by their nodes and rotated to this library's axes. Omits SH beyond
-/// degree 3.
+/// degree 3. Adds a line to `notes` for a few scales below 0 or opacities outside [0,1].
 /// @throws DataError naming the path for damaged files, files without Gaussians, nodes that shear
-///   or stretch, and parts that the extension does not specify: compression, other kernels.
-GaussianFile read_gltf(const std::filesystem::path& path);
+///   or stretch, many such scales or opacities, and parts that the extension does not specify:
+///   compression, other kernels.
+GaussianFile read_gltf(const std::filesystem::path& path, std::vector<std::string>& notes);
 
 }  // namespace jade::gaussians

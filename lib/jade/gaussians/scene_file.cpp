@@ -102,8 +102,11 @@ SceneFile read_as(SceneKind kind, const fs::path& path) {
     }
     case SceneKind::kSog:
       return {read_sog(path), ".sog (PlayCanvas, SuperSplat)", 0, {}};
-    case SceneKind::kGltf:
-      return {read_gltf(path), "glTF with KHR_gaussian_splatting", 0, {}};
+    case SceneKind::kGltf: {
+      std::vector<std::string> notes;
+      GaussianFile file = read_gltf(path, notes);
+      return {std::move(file), "glTF with KHR_gaussian_splatting", 0, std::move(notes)};
+    }
     case SceneKind::kSplat:
       return {read_splat(path), ".splat", 0, {}};
   }
