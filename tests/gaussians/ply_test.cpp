@@ -492,6 +492,24 @@ TEST_CASE("ply: the 3D smoothing filter of Mip-Splatting is applied with a note"
   CHECK_THAT(scene.notes[0], test::naming("mip.ply", "filter_3D", "applied"));
 }
 
+TEST_CASE("ply: Gaussians of a scene that moves are noted", "[gaussians]") {
+  const test::TempDir folder;
+  const splat::Gaussians g = random_gaussians(5, 1);
+  for (const std::vector<std::string>& more :
+       {std::vector<std::string>{"trbf_center", "trbf_scale", "motion_0", "omega_0"},
+        std::vector<std::string>{"t", "scale_t", "rot_r_0"}}) {
+    std::vector<std::string> names = kNames;
+    names.insert(names.end(), more.begin(), more.end());
+    write_rows(folder / "moves.ply", names,
+               torch::cat({rows_of(g), torch::zeros({5, int64_t(more.size())})}, 1));
+    const PlyScene scene = read_scene(folder / "moves.ply");
+    CHECK(torch::equal(scene.file.gaussians.rotations, g.rotations));
+    REQUIRE(scene.notes.size() == 1);
+    CHECK_THAT(scene.notes[0],
+               test::naming("moves.ply", more.back(), "moves", "export one moment"));
+  }
+}
+
 TEST_CASE("ply: rows behind those that the header promises are named", "[gaussians]") {
   const test::TempDir folder;
   const splat::Gaussians g = random_gaussians(6, 4);

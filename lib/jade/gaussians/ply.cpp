@@ -231,6 +231,20 @@ void note_scales(const torch::Tensor& means, const torch::Tensor& scales, const 
                          ": they look like lengths and are read as logarithms; export log(scale)"));
 }
 
+/// Notes attributes of time, which SpacetimeGaussians (trbf_center, motion_0, omega_0) and 4DGS
+/// (scale_t, rot_r_0) write beside those of 3DGS. They are not read.
+void note_motion(const PlyFile& file, std::vector<std::string>& notes) {
+  std::string found;
+  for (const char* const name : {"trbf_center", "motion_0", "omega_0", "scale_t", "rot_r_0"}) {
+    if (file.vertices().find(name) >= 0) found += concat(found.empty() ? "" : ", ", name);
+  }
+  if (found.empty()) return;
+  notes.push_back(concat(file.path().string(), ": expected Gaussians of a scene at rest, found ",
+                         found,
+                         " of one that moves, which are not read: all its moments are shown "
+                         "at once; export one moment as 3DGS"));
+}
+
 const char* const kFilter = "filter_3D";
 
 /// Reads all kinds but the packed one, in one pass over the file.
@@ -261,6 +275,7 @@ splat::Gaussians read_attributes(const PlyFile& file, std::vector<std::string>& 
   g.log_scales =
       torch::constant_pad_nd(sizes, {0, 3 - scales}, -std::numeric_limits<double>::infinity())
           .contiguous();
+  note_motion(file, notes);
   note_opacities(g.logit_opacities, file.path().string(), notes);
   note_scales(g.means, sizes, file.path().string(), notes);
   const torch::Tensor dc =
