@@ -126,14 +126,46 @@ TEST_CASE("split: both rules of the benchmarks are recognised from exposure time
   CHECK(at_end.rule.find("the last 5") != std::string::npos);
   CHECK(at_end.is_test[18]);
   CHECK_FALSE(at_end.is_test[17]);
-  CHECK(split_frames(last, {SplitKind::kLast, 5, 8}, "t.npz", none).is_test == at_end.is_test);
+  CHECK(split_frames(last, {SplitKind::kLast, 5, 8, ""}, "t.npz", none).is_test == at_end.is_test);
 
   std::vector<FrameTime> every(34, FrameTime{0, 100});
   for (size_t i = 0; i < 34; i += 8) every[i] = {5, 5};
   const Split eighth = split_frames(every, {}, "t.npz", none);
   CHECK(eighth.rule.find("every 8th") != std::string::npos);
-  CHECK(split_frames(every, {SplitKind::kEvery, 5, 8}, "t.npz", none).is_test == eighth.is_test);
+  CHECK(split_frames(every, {SplitKind::kEvery, 5, 8, ""}, "t.npz", none).is_test ==
+        eighth.is_test);
   CHECK(split_by_position(34, {}, "s").is_test == eighth.is_test);
+}
+
+TEST_CASE("split: a file hold=N says the step of the test views", "[data]") {
+  std::vector<std::string> lines;
+  const auto rule = [&](const test::TempDir& folder, SplitKind kind) {
+    DatasetOptions options;
+    options.path = folder.path();
+    options.split = kind;
+    lines.clear();
+    return position_rule(options, Warnings(&lines));
+  };
+  const test::TempDir folder;
+  CHECK(rule(folder, SplitKind::kAuto).every == 8);
+  folder.write("hold=6", "");
+  CHECK(rule(folder, SplitKind::kEvery).every == 8);
+  const Split split = split_by_position(14, rule(folder, SplitKind::kAuto), "s");
+  CHECK(lines.empty());
+  CHECK(split.rule == "every 6th frame from the first, by hold=6");
+  for (size_t i = 0; i < 14; ++i) CHECK(split.is_test[i] == (i % 6 == 0));
+  folder.write("hold=7", "");
+  CHECK(rule(folder, SplitKind::kAuto).every == 8);
+  REQUIRE(lines.size() == 1);
+  CHECK_THAT(lines[0], test::naming("hold=6", "hold=7", "every 8th", "dataset.test_every"));
+  for (const char* const name : {"hold=0", "hold=1", "hold=", "hold=6.txt", "hold=-2"}) {
+    CAPTURE(name);
+    const test::TempDir other;
+    other.write(name, "");
+    CHECK(rule(other, SplitKind::kAuto).every == 8);
+    REQUIRE(lines.size() == 1);
+    CHECK_THAT(lines[0], test::naming(name, "hold=N"));
+  }
 }
 
 TEST_CASE("split: blurry frames as test views and none at all are warned of", "[data]") {
@@ -142,7 +174,7 @@ TEST_CASE("split: blurry frames as test views and none at all are warned of", "[
   split_frames(blurry, {}, "t.npz", Warnings(&lines));
   REQUIRE(lines.size() == 1);
   CHECK_THAT(lines[0], test::naming("dataset.split", "held_out.txt"));
-  split_frames(blurry, {SplitKind::kLast, 5, 8}, "t.npz", Warnings(&lines));
+  split_frames(blurry, {SplitKind::kLast, 5, 8, ""}, "t.npz", Warnings(&lines));
   CHECK(lines.size() == 6);
 }
 
@@ -150,8 +182,9 @@ TEST_CASE("split: without any exposure, every rule names the arrays to correct",
   const std::vector<FrameTime> sharp(10, FrameTime{7, 7});
   for (const SplitKind kind :
        {SplitKind::kAuto, SplitKind::kLast, SplitKind::kEvery, SplitKind::kNone}) {
-    CHECK_THROWS_NAMING(DataError, split_frames(sharp, {kind, 5, 8}, "t.npz", Warnings(nullptr)),
-                        "t.npz", "timestamps_start equal to timestamps_end", "10");
+    CHECK_THROWS_NAMING(DataError,
+                        split_frames(sharp, {kind, 5, 8, ""}, "t.npz", Warnings(nullptr)), "t.npz",
+                        "timestamps_start equal to timestamps_end", "10");
   }
 }
 

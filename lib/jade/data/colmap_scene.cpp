@@ -404,8 +404,8 @@ Dataset load_colmap(const DatasetOptions& options, const Warnings& warnings) {
       read_frames(paths, MaskSources(options), warnings, FrameSizes::kAny);
   tell_unplaced(image_folder, paths, warnings);
   tell_unused(options.path, folder, image_folder, paths, warnings);
-  const Split split = split_by_position(
-      frames.size(), {options.split, options.test_last, options.test_every}, folder.string());
+  const Split split =
+      split_by_position(frames.size(), position_rule(options, warnings), folder.string());
 
   Dataset data;
   data.root = options.path;

@@ -509,8 +509,9 @@ Dataset load_evdeblur(const DatasetOptions& options, const Warnings& warnings) {
   // An import without sharp frames holds out exposures instead.
   const bool holds_out =
       options.split == SplitKind::kAuto && fs::exists(options.path / kHeldOutFile);
-  const Split split = split_frames(s.times, {options.split, options.test_last, options.test_every},
-                                   s.time_path.string(), holds_out ? Warnings(nullptr) : warnings);
+  const Split split =
+      split_frames(s.times, {options.split, options.test_last, options.test_every, ""},
+                   s.time_path.string(), holds_out ? Warnings(nullptr) : warnings);
   tell_unused(options.path, s.images, warnings);
   Dataset data;
   data.root = options.path;

@@ -218,12 +218,38 @@ Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
   return split;
 }
 
+SplitRule position_rule(const DatasetOptions& options, const Warnings& warnings) {
+  SplitRule rule{options.split, options.test_last, options.test_every, ""};
+  if (options.split != SplitKind::kAuto) return rule;
+  const std::string start = "hold=";
+  std::vector<std::string> found;
+  for (const auto& entry : std::filesystem::directory_iterator(options.path)) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind(start, 0) == 0) found.push_back(name);
+  }
+  if (found.empty()) return rule;
+  std::sort(found.begin(), found.end());
+  const std::string number = found.front().substr(start.size());
+  const bool is_number =
+      !number.empty() && number.size() < 7 && number.find_first_not_of("0123456789") == number.npos;
+  if (found.size() > 1 || !is_number || std::stoll(number) < 2) {
+    warnings.add(options.path.string(), ": expected one file hold=N with N of 2 or more, found ",
+                 listing(found), "; every ", rule.every,
+                 "th frame is a test view; set dataset.split to every and dataset.test_every");
+    return rule;
+  }
+  rule.every = std::stoll(number);
+  rule.source = found.front();
+  return rule;
+}
+
 Split split_by_position(size_t count, const SplitRule& rule, const std::string& path) {
   SplitRule known = rule;
   if (rule.kind == SplitKind::kAuto) known.kind = SplitKind::kEvery;
   Split split{positions(count, known), ""};
   if (rule.kind == SplitKind::kAuto && count < 2) split.is_test.assign(count, false);
   split.rule = describe_pattern(split.is_test);
+  if (!rule.source.empty()) split.rule += ", by " + rule.source;
   check_train_left(split.is_test, path);
   return split;
 }

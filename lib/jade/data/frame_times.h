@@ -56,12 +56,18 @@ struct SplitRule {
   SplitKind kind = SplitKind::kAuto;
   int64_t last = 5;
   int64_t every = 8;
+  std::string source;  ///< what says so, if not the options
 };
 
 /// kAuto: frames without exposure time are test views; describes the pattern that they form.
 /// @throws DataError if no training frame remains, or if a training frame has no exposure time.
 Split split_frames(const std::vector<FrameTime>& times, const SplitRule& rule,
                    const std::string& path, const Warnings& warnings);
+
+/// The options' rule for images without times. With kAuto, a file "hold=N" in the folder, which
+/// Deblur-NeRF and its successors have, means that frames 0, N, 2 N, … are test views. Warns of
+/// such a file that cannot be followed.
+SplitRule position_rule(const DatasetOptions& options, const Warnings& warnings);
 
 /// Splits by position alone, for images without times; kAuto means kEvery.
 Split split_by_position(size_t count, const SplitRule& rule, const std::string& path);

@@ -158,8 +158,8 @@ TransformsListing listing_of(const DatasetOptions& options, const Warnings& warn
     warnings.add(single.string(), ": names the frames of its split (train_filenames and others); ",
                  "dataset.split ", word_of(options.split), " is used instead");
   }
-  Split split = split_by_position(
-      file.views.size(), {options.split, options.test_last, options.test_every}, single.string());
+  Split split =
+      split_by_position(file.views.size(), position_rule(options, warnings), single.string());
   listing.views = std::move(file.views);
   listing.is_test = std::move(split.is_test);
   listing.rule = split.rule;
