@@ -4,8 +4,10 @@
 #include "support/catch.h"
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "data/tiny_recording.h"
+#include "jade/core/atomic_file.h"
 #include "jade/core/error.h"
 #include "support/naming.h"
 #include "support/temp_dir.h"
@@ -47,6 +49,16 @@ TEST_CASE("cameras: what is written is read back, and both ways to say a pose ag
   CHECK(own[0].name == "a");
   CHECK(own[0].camera == camera);
   CHECK(test::pose_distance(own[0].camera_from_world, pose) < 1e-12);
+  // Viewers of 3DGS read the second form, which is whole without the first.
+  nlohmann::json list = nlohmann::json::parse(read_file(dir / "own.json"));
+  for (const char* const key :
+       {"id", "img_name", "width", "height", "position", "rotation", "fx", "fy"}) {
+    CHECK(list[0].contains(key));
+  }
+  list[0].erase("camera_from_world");
+  const auto placed = read_cameras(dir.write("placed.json", list.dump()));
+  CHECK(placed[0].name == "a");
+  CHECK(test::pose_distance(placed[0].camera_from_world, pose) < 1e-9);
   const geometry::Pose world = geometry::inverse(pose);
   std::ostringstream text;
   text.precision(17);
@@ -61,6 +73,24 @@ TEST_CASE("cameras: what is written is read back, and both ways to say a pose ag
   CHECK(test::pose_distance(theirs[0].camera_from_world, pose) < 1e-9);
   CHECK_THROWS_WITH(read_cameras(dir.write("bare.json", R"([{"width":4,"height":3,"fx":5}])")),
                     Catch::Contains("bare.json") && Catch::Contains("camera_from_world"));
+}
+
+TEST_CASE("cameras: two poses of one entry that differ are refused", "[data]") {
+  const test::TempDir dir;
+  write_cameras(dir / "a.json", {{"a", test::steady_pose(7e5), {50, 60, 19, 14, 40, 30}}});
+  const nlohmann::json written = nlohmann::json::parse(read_file(dir / "a.json"));
+  const auto read = [&](const nlohmann::json& list) {
+    return read_cameras(dir.write("b.json", list.dump()));
+  };
+  nlohmann::json moved = written, turned = written, half = written;
+  moved[0]["position"][1] = moved[0]["position"][1].get<double>() + 0.01;
+  turned[0]["rotation"] = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}};
+  half[0].erase("rotation");
+  CHECK(read(written).size() == 1);
+  for (const auto& list : {moved, turned, half}) {
+    CHECK_THROWS_NAMING(DataError, read(list), "b.json", "entry 0", "\"position\"",
+                        "\"camera_from_world\"", "remove");
+  }
 }
 
 TEST_CASE("cameras: values that a render would ignore are refused", "[data]") {

@@ -126,21 +126,8 @@ std::array<double, 3> three_numbers(const char* key, const char* expected, const
   return part.get<std::array<double, 3>>();
 }
 
-geometry::Pose pose_of(const json& entry) {
-  if (entry.contains("camera_from_world") &&
-      (entry.contains("position") || entry.contains("rotation"))) {
-    throw DataError(
-        "expected \"camera_from_world\", or \"position\" with \"rotation\", found both; remove "
-        "one");
-  }
-  if (entry.contains("camera_from_world")) {
-    return rigid_pose(entry.at("camera_from_world"),
-                      "expected \"camera_from_world\" to be 3 or 4 rows of a rotation and "
-                      "translation (x right, y down, z forward)");
-  }
-  if (!entry.contains("position") || !entry.contains("rotation")) {
-    throw DataError("expected \"camera_from_world\", or \"position\" with \"rotation\"");
-  }
+/// The pose in the form of 3DGS: the camera's centre, and the rotation to the world.
+geometry::Pose placed_pose(const json& entry) {
   const json& rows = entry.at("rotation");
   const json& position = entry.at("position");
   if (!rows.is_array() || rows.size() != 3) throw unlike("rotation", "3x3 numbers", rows);
@@ -152,6 +139,37 @@ geometry::Pose pose_of(const json& entry) {
   return geometry::pose_at_centre(
       rotation_near(rotation, "expected \"rotation\" to be 3x3, world from camera"),
       three_numbers("position", "3 numbers", position, position));
+}
+
+/// Whether two poses are equal up to the rounding of text.
+bool agree(const geometry::Pose& a, const geometry::Pose& b) {
+  constexpr double kRounding = 1e-5;
+  const geometry::Vector3 p = geometry::centre(a), q = geometry::centre(b);
+  double distance = 0, size = 1;
+  for (size_t i = 0; i < 3; ++i) {
+    distance = std::max(distance, std::abs(p[i] - q[i]));
+    size = std::max(size, std::abs(p[i]));
+  }
+  return distance <= kRounding * size && geometry::rotation_angle(a, b) <= 1e-3;
+}
+
+geometry::Pose pose_of(const json& entry) {
+  const bool placed = entry.contains("position") && entry.contains("rotation");
+  if (!entry.contains("camera_from_world")) {
+    if (placed) return placed_pose(entry);
+    throw DataError("expected \"camera_from_world\", or \"position\" with \"rotation\"");
+  }
+  const geometry::Pose pose =
+      rigid_pose(entry.at("camera_from_world"),
+                 "expected \"camera_from_world\" to be 3 or 4 rows of a rotation and "
+                 "translation (x right, y down, z forward)");
+  const bool has_either = entry.contains("position") || entry.contains("rotation");
+  if (has_either && !(placed && agree(pose, placed_pose(entry)))) {
+    throw DataError(
+        "expected \"position\" and \"rotation\" to be the pose of \"camera_from_world\", found "
+        "another; remove the form that is out of date");
+  }
+  return pose;
 }
 
 NamedCamera camera_of(const json& entry, const json& defaults, size_t index) {
@@ -256,14 +274,22 @@ void write_cameras(const std::filesystem::path& path, const std::vector<NamedCam
     const geometry::Matrix3& r = view.camera_from_world.rotation;
     const geometry::Vector3& t = view.camera_from_world.translation;
     nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-    for (size_t i = 0; i < 3; ++i) rows.push_back({r[3 * i], r[3 * i + 1], r[3 * i + 2], t[i]});
-    list.push_back({{"name", view.name},
+    nlohmann::ordered_json axes = nlohmann::ordered_json::array();
+    for (size_t i = 0; i < 3; ++i) {
+      rows.push_back({r[3 * i], r[3 * i + 1], r[3 * i + 2], t[i]});
+      axes.push_back({r[i], r[3 + i], r[6 + i]});
+    }
+    list.push_back({{"id", list.size()},
+                    {"name", view.name},
+                    {"img_name", view.name},
                     {"width", view.camera.width},
                     {"height", view.camera.height},
                     {"fx", view.camera.fx},
                     {"fy", view.camera.fy},
                     {"cx", view.camera.cx},
                     {"cy", view.camera.cy},
+                    {"position", geometry::centre(view.camera_from_world)},
+                    {"rotation", std::move(axes)},
                     {"camera_from_world", std::move(rows)}});
   }
   // File names need not be UTF-8.

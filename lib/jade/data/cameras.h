@@ -23,12 +23,14 @@ struct NamedCamera {
 /// other keys are defaults for every entry. An entry has "width", "height", "fx", "fy" (default:
 /// fx), "cx", "cy" (default: the image centre), "name" or "img_name" (default: its number), and its
 /// pose as "camera_from_world" (4×4 or 3×4 rows, OpenCV axes) or, as 3DGS trainers write it, as
-/// "position" (camera centre) with "rotation" (3×3 world_from_camera). Other keys are refused;
-/// beside "position" only those that look like a misspelt one.
-/// @throws DataError naming the file and the entry.
+/// "position" (camera centre) with "rotation" (3×3 world_from_camera). An entry with both forms has
+/// the pose of "camera_from_world". Other keys are refused; in entries without "camera_from_world"
+/// only those that look like a misspelt one.
+/// @throws DataError naming the file and the entry, also if its two forms differ.
 std::vector<NamedCamera> read_cameras(const std::filesystem::path& path);
 
-/// Writes views in that form, poses as "camera_from_world" without loss of precision.
+/// Writes views in that form, poses in both ways without loss of precision, so that viewers of 3DGS
+/// read the file.
 void write_cameras(const std::filesystem::path& path, const std::vector<NamedCamera>& cameras);
 
 /// Which views of a data set.
