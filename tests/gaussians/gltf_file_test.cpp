@@ -220,6 +220,20 @@ TEST_CASE("gltf: a few opacities and scales out of range are noted", "[gaussians
   CHECK(read.logit_opacities[0].sigmoid().item<float>() == 1);
 }
 
+TEST_CASE("gltf: copies and animations are noted", "[gaussians]") {
+  GltfFixture fixture;
+  fixture.document["animations"] = json::array();
+  fixture.read();
+  CHECK(fixture.notes.empty());
+  fixture.document["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {
+      {"TRANSLATION", 0}};
+  fixture.document["animations"].push_back({{"channels", json::array()}});
+  CHECK(fixture.read().size() == 30);
+  REQUIRE(fixture.notes.size() == 2);
+  CHECK_THAT(fixture.notes[0], test::naming("a.gltf", "EXT_mesh_gpu_instancing", "not read"));
+  CHECK_THAT(fixture.notes[1], test::naming("a.gltf", "animations", "not read"));
+}
+
 TEST_CASE("gltf: what is not read is named", "[gaussians]") {
   const auto told = [](const std::function<void(json&)>& change) {
     GltfFixture fixture;

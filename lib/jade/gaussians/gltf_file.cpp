@@ -31,6 +31,7 @@ using nlohmann::json;
 
 const char* const kExtension = "KHR_gaussian_splatting";
 const char* const kQuantization = "KHR_mesh_quantization";  ///< only permits more number types
+const char* const kCopies = "EXT_mesh_gpu_instancing";
 /// The only colour space that is read. Between two spaces colours convert, but not their SH.
 const char* const kColorSpace = "srgb_rec709_display";
 constexpr uint64_t kMark = 0x46546c67;         ///< "glTF"
@@ -369,9 +370,15 @@ class Collector {
     const json& node = root.at("nodes").at(index);
     const torch::Tensor matrix = parent.mm(matrix_of(document_, node));
     if (const auto mesh = node.find("mesh"); mesh != node.end()) {
+      const size_t before = parts_.size();
       for (const json& primitive : root.at("meshes").at(mesh->get<size_t>()).at("primitives")) {
         if (!primitive.value("extensions", json::object()).contains(kExtension)) continue;
         parts_.push_back(placed(document_, gaussians_of(document_, primitive, notes_), matrix));
+      }
+      if (parts_.size() > before && node.value("extensions", json::object()).contains(kCopies)) {
+        notes_.push_back(concat(document_.name(), ": expected Gaussians in one place, found ",
+                                kCopies, " at node ", index,
+                                ", which is not read: one copy is shown; write the copies out"));
       }
     }
     for (const json& child : node.value("children", json::array())) {
@@ -475,6 +482,10 @@ GaussianFile read_gltf(const std::filesystem::path& path, std::vector<std::strin
     throw document.damaged("parts that are missing or of another type");
   }
   if (collector.parts().empty()) throw document.damaged("no Gaussians");
+  if (!document.root().value("animations", json::array()).empty()) {
+    notes.push_back(concat(document.name(), ": expected a scene at rest, found animations, which ",
+                           "are not read: all nodes are where they are without them"));
+  }
   GaussianFile file;
   file.gaussians = half_turn(joined_parts(collector.parts()));
   make_finite(file.gaussians);
