@@ -177,6 +177,11 @@ TEST_CASE("tables: ours and the paper's side by side, gaps marked, in three form
       latex,
       Catch::Contains("Full, $\\alpha$ & 26.50 {\\scriptsize$\\pm$}2.12 (2/3) & \\emph{34.50} &"));
   CHECK_THAT(latex, Catch::Contains("% missing: full/b/2: new\n"));
+  sweep::Table special = table;
+  special.rows[0].title = "a\\b {c} ~d^e $f";
+  CHECK_THAT(sweep::to_latex(special),
+             Catch::Contains("a\\textbackslash{}b \\{c\\} \\textasciitilde{}d"
+                             "\\textasciicircum{}e \\$f & "));
   sweep::write_table(table, dir / "out");
   CHECK(read_file(dir / "out/table.md") == markdown);
   sweep::Table barred = table;

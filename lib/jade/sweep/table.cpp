@@ -69,16 +69,23 @@ std::string csv_text(const std::string& text) {
 
 /// Escapes LaTeX's special characters and the non-ASCII characters in the tables.
 std::string latex_text(const std::string& text) {
-  static const std::vector<std::pair<std::string, std::string>> signs = {{"α", "$\\alpha$"},
-                                                                         {"→", "$\\rightarrow$"},
-                                                                         {"½", "$\\frac{1}{2}$"},
-                                                                         {"≡", "$\\equiv$"},
-                                                                         {"†", "$^\\dagger$"},
-                                                                         {"²", "$^2$"},
-                                                                         {"&", "\\&"},
-                                                                         {"%", "\\%"},
-                                                                         {"_", "\\_"},
-                                                                         {"#", "\\#"}};
+  static const std::vector<std::pair<std::string, std::string>> signs = {
+      {"α", "$\\alpha$"},
+      {"→", "$\\rightarrow$"},
+      {"½", "$\\frac{1}{2}$"},
+      {"≡", "$\\equiv$"},
+      {"†", "$^\\dagger$"},
+      {"²", "$^2$"},
+      {"&", "\\&"},
+      {"%", "\\%"},
+      {"_", "\\_"},
+      {"#", "\\#"},
+      {"$", "\\$"},
+      {"{", "\\{"},
+      {"}", "\\}"},
+      {"\\", "\\textbackslash{}"},
+      {"~", "\\textasciitilde{}"},
+      {"^", "\\textasciicircum{}"}};
   std::string out;
   for (size_t i = 0; i < text.size();) {
     bool replaced = false;
