@@ -138,6 +138,24 @@ TEST_CASE("init: a plane sweep finds the depth where the views agree", "[gaussia
   CHECK(torch::allclose(random.colors.select(1, 1), torch::full({500}, 0.25f)));
 }
 
+TEST_CASE("init: a plane sweep measures whether the views agree at any depth", "[gaussians]") {
+  const auto disagreement = [](const InitSources& sources) {
+    at::Generator generator = make_generator(2, "start");
+    double found = -1;
+    plane_sweep(sources, 1000, generator, &found);
+    return found;
+  };
+  InitSources sources = views_of_a_plane();
+  CHECK(disagreement(sources) < 0.15);
+  InitSources exchanged = sources, flat = sources;
+  std::reverse(exchanged.views.begin(), exchanged.views.end());
+  for (size_t i = 0; i < sources.views.size(); ++i)
+    exchanged.views[i].camera_from_world = sources.views[i].camera_from_world;
+  CHECK(disagreement(exchanged) > 0.3);
+  for (InitView& view : flat.views) view.image = torch::full_like(view.image, 0.5);
+  CHECK(disagreement(flat) == 0);
+}
+
 TEST_CASE("init: masked pixels and gains do not change where the views agree", "[gaussians]") {
   const InitSources plain = views_of_a_plane();
   const auto swept = [](const InitSources& sources) {

@@ -6,7 +6,11 @@
 #include <ATen/ops/rand.h>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
+#include <optional>
+
+#include "jade/core/median.h"
 
 namespace jade::gaussians {
 namespace {
@@ -95,9 +99,33 @@ Agreement agreement_at(const Vector3& point, const std::vector<Compared>& views)
   return result;
 }
 
+/// The least variance of a point over the median one; no value without texture, or with few depths.
+std::optional<double> disagreement_of(const std::array<Agreement, kSweptDepths>& agreements) {
+  constexpr size_t kFewestDepths = 8;
+  constexpr double kTexture = 10 * kNoise;  // variance at wrong depths
+  std::vector<double> variances;
+  for (const Agreement& each : agreements) {
+    if (std::isfinite(each.variance)) variances.push_back(each.variance);
+  }
+  if (variances.size() < kFewestDepths) return std::nullopt;
+  const double median = median_of(variances);
+  if (median < kTexture) return std::nullopt;
+  return *std::min_element(variances.begin(), variances.end()) / median;
+}
+
+double median_of_most(std::vector<std::optional<double>> values) {
+  constexpr size_t kFewest = 100;
+  std::vector<double> known;
+  for (const auto& value : values) {
+    if (value) known.push_back(*value);
+  }
+  return known.size() < kFewest ? 0 : median_of(std::move(known));
+}
+
 }  // namespace
 
-PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator& generator) {
+PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator& generator,
+                       double* disagreement) {
   check_frusta(sources);
   const std::vector<Compared> views = compared(sources.views);
   // [count,5] per point: view, column, row, offset of the depths, choice among those that agree.
@@ -106,6 +134,7 @@ PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator&
   const double* all_draws = draws.const_data_ptr<double>();
   auto* points = cloud.points.mutable_data_ptr<float>();
   auto* colors = cloud.colors.mutable_data_ptr<float>();
+  std::vector<std::optional<double>> disagreements(size_t(disagreement ? count : 0));
   at::parallel_for(0, count, 64, [&](int64_t begin, int64_t end) {
     std::array<Vector3, kSweptDepths> swept;
     std::array<Agreement, kSweptDepths> agreements;
@@ -118,6 +147,7 @@ PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator&
         agreements[k] = agreement_at(swept[k], views);
         least = std::min(least, agreements[k].variance);
       }
+      if (disagreement) disagreements[size_t(i)] = disagreement_of(agreements);
       std::array<size_t, kSweptDepths> good{};
       size_t found = 0;
       for (size_t k = 0; k < kSweptDepths; ++k) {
@@ -130,6 +160,7 @@ PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator&
       }
     }
   });
+  if (disagreement) *disagreement = median_of_most(std::move(disagreements));
   return cloud;
 }
 
