@@ -14,6 +14,7 @@
 #include "jade/core/text.h"
 #include "jade/data/colmap_scene.h"
 #include "jade/data/dataset.h"
+#include "jade/gaussians/plane_sweep.h"
 #include "jade/gaussians/scene_file.h"
 #include "jade/import/clock_offset.h"
 #include "jade/recording/event_folder.h"
@@ -21,6 +22,7 @@
 #include "jade/run/checkpoint.h"
 #include "jade/run/run_summary.h"
 #include "jade/run/thresholds.h"
+#include "jade/train/state.h"
 #include "jade_inspect/recording.h"
 #include "jade_inspect/run.h"
 #include "jade_inspect/scene.h"
@@ -84,6 +86,10 @@ ExitCode inspect(const train::RunOptions& settings, double log_offset,
   }
   if (const std::string clock = clock_problem(inspection.dataset); !clock.empty()) {
     inspection.problems.push_back(clock);
+  }
+  if (const std::string fault = gaussians::pose_fault(train::init_sources(inspection.dataset));
+      !fault.empty()) {
+    inspection.problems.push_back(fault);
   }
   inspection.pattern = data::estimate_pattern(inspection.dataset);
   if (program.json()) {

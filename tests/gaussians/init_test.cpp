@@ -8,6 +8,7 @@
 #include "jade/core/error.h"
 #include "jade/gaussians/plane_sweep.h"
 #include "random_gaussians.h"
+#include "support/naming.h"
 #include "support/temp_dir.h"
 
 namespace jade::gaussians {
@@ -152,6 +153,8 @@ TEST_CASE("init: a plane sweep measures whether the views agree at any depth", "
   for (size_t i = 0; i < sources.views.size(); ++i)
     exchanged.views[i].camera_from_world = sources.views[i].camera_from_world;
   CHECK(disagreement(exchanged) > 0.3);
+  CHECK(pose_fault(sources).empty());
+  CHECK_THAT(pose_fault(exchanged), test::naming("poses: expected frames that agree"));
   for (InitView& view : flat.views) view.image = torch::full_like(view.image, 0.5);
   CHECK(disagreement(flat) == 0);
 }

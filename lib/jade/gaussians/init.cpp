@@ -249,15 +249,9 @@ splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources
   const int64_t count = std::min(options.points, at_most);
   const bool sweep = options.kind == InitKind::kAuto || options.kind == InitKind::kPlaneSweep;
   if (!sweep) return start_at(random_frusta(sources, count, generator));
-  constexpr double kWrong = 0.3;
   double disagreement = 0;
   const PointCloud cloud = plane_sweep(sources, count, generator, &disagreement);
-  if (disagreement > kWrong) {
-    log_warn(concat("poses: expected frames that agree at some depth, found ",
-                    std::round(100 * disagreement),
-                    " % of the difference at other depths left at the best one; look at the poses' "
-                    "convention (axes, camera to world), at their order and at the focal length"));
-  }
+  if (const std::string fault = pose_fault(disagreement); !fault.empty()) log_warn(fault);
   return start_at(cloud);
 }
 

@@ -10,7 +10,9 @@
 #include <limits>
 #include <optional>
 
+#include "jade/core/error.h"
 #include "jade/core/median.h"
+#include "jade/core/random.h"
 
 namespace jade::gaussians {
 namespace {
@@ -162,6 +164,24 @@ PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator&
   });
   if (disagreement) *disagreement = median_of_most(std::move(disagreements));
   return cloud;
+}
+
+std::string pose_fault(double disagreement) {
+  constexpr double kWrong = 0.3;
+  if (disagreement <= kWrong) return "";
+  return concat("poses: expected frames that agree at some depth, found ",
+                std::round(100 * disagreement),
+                " % of the difference at other depths left at the best one; look at the poses' "
+                "convention (axes, camera to world), at their order and at the focal length");
+}
+
+std::string pose_fault(const InitSources& sources) {
+  constexpr int64_t kPoints = 2000;
+  if (sources.views.empty() || !(sources.near > 0 && sources.far > sources.near)) return "";
+  at::Generator generator = make_generator(0, "points of a check of the poses");
+  double disagreement = 0;
+  plane_sweep(sources, kPoints, generator, &disagreement);
+  return pose_fault(disagreement);
 }
 
 }  // namespace jade::gaussians

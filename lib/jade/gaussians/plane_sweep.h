@@ -3,6 +3,7 @@
 
 #include <ATen/core/Generator.h>
 #include <cstdint>
+#include <string>
 
 #include "jade/gaussians/init.h"
 
@@ -21,5 +22,12 @@ PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator&
                        double* disagreement = nullptr);
 
 constexpr int64_t kSweptDepths = 32;
+
+/// A fault of the poses of views that agree at no depth, by the `disagreement` of a plane_sweep().
+/// Empty otherwise.
+std::string pose_fault(double disagreement);
+
+/// The fault by a sweep of its own. Empty without depth bounds.
+std::string pose_fault(const InitSources& sources);
 
 }  // namespace jade::gaussians

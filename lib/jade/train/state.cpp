@@ -25,6 +25,8 @@ std::vector<geometry::Pose> camera_poses(const data::Dataset& dataset) {
   return poses;
 }
 
+}  // namespace
+
 gaussians::InitSources init_sources(const data::Dataset& dataset) {
   gaussians::InitSources sources;
   for (const data::Exposure& exposure : dataset.train) {
@@ -39,6 +41,8 @@ gaussians::InitSources init_sources(const data::Dataset& dataset) {
   sources.points.colors = dataset.point_colors;
   return sources;
 }
+
+namespace {
 
 /// Gray Gaussians: colours are linear in SH, so converting the coefficients converts the colours.
 splat::Gaussians in_gray(splat::Gaussians start) {

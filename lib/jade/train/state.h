@@ -9,6 +9,7 @@
 
 #include "jade/gaussians/densify.h"
 #include "jade/gaussians/gaussian_model.h"
+#include "jade/gaussians/init.h"
 #include "jade/gaussians/optimizer.h"
 #include "jade/response/camera_response.h"
 #include "jade/router/allocation.h"
@@ -71,6 +72,10 @@ void take_gains(TrainState& state, const GainOptions& options, const data::Datas
 /// Adds the pattern that the data set's frames share, if the options request it.
 void learn_pattern(TrainState& state, const PatternOptions& options, const data::Dataset& dataset,
                    torch::Device device);
+
+/// Sources of a scene's start: the middles of the exposures, without stray ones, depth bounds and
+/// points.
+gaussians::InitSources init_sources(const data::Dataset& dataset);
 
 /// Creates the state for a data set, with learned poses and gains if the options request them.
 /// @throws ConfigError, DataError as gaussians::initial_gaussians.
