@@ -155,8 +155,11 @@ void report(const simulate::SimulateResult& result, const std::filesystem::path&
   }
   std::cout << std::fixed << std::setprecision(2) << folder.string() << ": " << c.train.size()
             << " blurry frames (mean blur ";
-  if (result.blur_px > 0) std::cout << result.blur_px << " px";
-  if (!(result.blur_px > 0)) std::cout << "not known";
+  if (result.blur_px > 0) {
+    std::cout << result.blur_px << " px";
+  } else {
+    std::cout << "not known";
+  }
   std::cout << "), " << c.test.size() << " sharp test views, " << grouped(c.events.size())
             << " events from " << grouped(result.frames) << " rendered frames\n";
   const auto& errors = result.pose_errors;

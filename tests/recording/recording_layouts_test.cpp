@@ -47,6 +47,12 @@ void append_events(io::Hdf5Writer& file, const std::string& group, int64_t shift
   file.append(group + "t", t.data(), kEventCount), file.append(group + "p", p.data(), kEventCount);
 }
 
+void write_events(const TempDir& dir) {
+  io::Hdf5Writer file(dir / "events.h5");
+  append_events<uint16_t, int64_t>(file, "");
+  file.close();
+}
+
 void check_read(const Recording& recording, double most = 1e-3) {
   const events::EventStream& e = recording.events;
   REQUIRE(e.size() == kEventCount);
@@ -540,11 +546,7 @@ TEST_CASE("layouts: DSEC's exposures beside its frames, in its folder and as dow
 
 TEST_CASE("layouts: EDS has times in us and exposures as DSO reads them", "[recording]") {
   const TempDir dir;
-  {
-    io::Hdf5Writer file(dir / "events.h5");
-    append_events<uint16_t, int64_t>(file, "");
-    file.close();
-  }
+  write_events(dir);
   write_pictures(dir / "images",
                  {"frame_0000000000.png", "frame_0000000001.png", "frame_0000000002.png"});
   dir.write("images_timestamps.txt", "1002000\n1012000\n1022000\n");
@@ -582,11 +584,7 @@ TEST_CASE("layouts: EDS has times in us and exposures as DSO reads them", "[reco
 TEST_CASE("layouts: a list of starts and ends is read in the frames' folder and above",
           "[recording]") {
   const TempDir dir;
-  {
-    io::Hdf5Writer file(dir / "events.h5");
-    append_events<uint16_t, int64_t>(file, "");
-    file.close();
-  }
+  write_events(dir);
   write_pictures(dir / "left_camera", {"1.0021.png", "1.0122.png", "1.0221.png"});
   for (const char* place : {"left_camera/timestamp.txt", "timestamp.txt", "timestamps.txt",
                             "left_camera/timestamps.txt"}) {
@@ -617,11 +615,7 @@ TEST_CASE("layouts: a list of starts and ends is read in the frames' folder and 
 
 TEST_CASE("layouts: a timestamp.txt of something else is passed over", "[recording]") {
   const TempDir dir;
-  {
-    io::Hdf5Writer file(dir / "events.h5");
-    append_events<uint16_t, int64_t>(file, "");
-    file.close();
-  }
+  write_events(dir);
   write_pictures(dir / "images", {"1.002.png", "1.012.png", "1.022.png"});
   for (const char* other : {"1690000000.123\n", "1.0 1.03\n", "1\n2\n3\n4\n",
                             "Recorded 2023-05-01 at 10\n", "1\n2 3\nfour\n"}) {

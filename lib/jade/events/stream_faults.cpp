@@ -249,7 +249,7 @@ std::string place_fault(const EventStream& events) {
   }
   if (found.empty()) return "";
   return concat("expected event places from 0 at the upper left pixel, found ", found,
-                "; add what is missing to them");
+                "; add an offset, so that they begin at 0");
 }
 
 std::string one_based_fault(const EventStream& events, const ImageSize& size) {

@@ -169,10 +169,12 @@ PointCloud plane_sweep(const InitSources& sources, int64_t count, at::Generator&
 std::string pose_fault(double disagreement) {
   constexpr double kWrong = 0.3;
   if (disagreement <= kWrong) return "";
-  return concat("poses: expected frames that agree at some depth, found ",
-                std::round(100 * disagreement),
-                " % of the difference at other depths left at the best one; look at the poses' "
-                "convention (axes, camera to world), at their order and at the focal length");
+  return concat(
+      "poses: expected frames that agree at some depth, found that at the best one they "
+      "differ ",
+      std::round(100 * disagreement),
+      " % as much as at others; look at the poses' convention (axes, camera to world), "
+      "at their order and at the focal length");
 }
 
 std::string pose_fault(const InitSources& sources) {
