@@ -116,6 +116,37 @@ TEST_CASE("blend step: capped, invisible and stopped splats get no gradient", "[
   CHECK(stopped[3] == 0);
 }
 
+TEST_CASE("replay step: pixels of the forward pass, told apart by their alpha", "[splat]") {
+  std::mt19937 random(3);
+  const auto uniform = [&](float low, float high) {
+    return std::uniform_real_distribution<float>(low, high)(random);
+  };
+  int stopped = 0, after_end = 0;  // pixels; splats that would change a pixel without the bound
+  for (int pixel = 0; pixel < 3000; ++pixel) {
+    const float opaque = uniform(-9, 1), cap = static_cast<float>(kCap);
+    float t = 1, replayed = 1;
+    std::vector<float> exponents(uniform(1, 400)), weights;
+    for (float& exponent : exponents) {
+      exponent = uniform(-9, opaque);
+      weights.push_back(math::blend_step<PlainArithmetic, false>(exponent, cap, &t).weight);
+    }
+    stopped += t < 0;
+    const float bound = math::replay_bound(1 - std::abs(t));
+    for (size_t i = 0; i < exponents.size(); ++i) {
+      const auto step =
+          math::replay_step<PlainArithmetic, true>(exponents[i], cap, bound, &replayed);
+      if (step.weight != weights[i]) FAIL_CHECK("pixel " << pixel << ", splat " << i);
+      after_end += !step.goes_on && math::is_visible(exponents[i]);
+      float behind = 0.5f;
+      const float u = math::blend_step_adjoint<PlainArithmetic, false>(step, 2.0f, cap, &behind);
+      if (weights[i] == 0 && (u != 0 || behind != 0.5f)) FAIL_CHECK("a gradient of splat " << i);
+    }
+    if (replayed != std::abs(t)) FAIL_CHECK("pixel " << pixel << ": " << replayed << ", " << t);
+  }
+  CHECK(stopped > 300);
+  CHECK(after_end > 3000);
+}
+
 TEST_CASE("blend step: the exponent about a point is the same polynomial", "[splat]") {
   const auto falloff = math::make_falloff(7.0, -2.5, 3.0, 7.0 * 3.0 - 2.5 * 2.5);
   const double log2_opacity = -0.4, dx = 3.7, dy = -5.2;

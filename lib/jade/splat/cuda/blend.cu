@@ -10,13 +10,6 @@ namespace jade::splat::cuda {
 
 namespace {
 
-/// A pixel's transmittance is negative once it has stopped; pixels outside the image start so.
-__device__ __forceinline__ float first_transmittance(bool inside) { return inside ? 1.0f : -1.0f; }
-
-__device__ __forceinline__ bool any_alive(const float* t) {
-  return __any_sync(~0u, t[0] > 0.0f || t[1] > 0.0f);
-}
-
 /// Zeroes this thread's share. Blending is limited by instructions, so these stores are nearly
 /// free.
 __device__ __forceinline__ void clear(const Clearing& clearing) {
@@ -32,6 +25,39 @@ constexpr int kBlendBlocks = 8;  ///< per multiprocessor
 /// Running sums of a lane's pixels.
 struct PixelSums {
   float t[2], red[2] = {0, 0}, green[2] = {0, 0}, blue[2] = {0, 0}, depth[2] = {0, 0};
+
+  /// Blends a splat into pixel k: math::blend_step().
+  /// @param color  red, green, blue, and anything
+  template <bool kDepth, bool kCapped>
+  __device__ __forceinline__ void add(int k, float exponent, float max_alpha, const float4& color,
+                                      float splat_depth) {
+#ifdef __CUDACC__
+    float alpha = FastArithmetic::exp2(exponent);
+    if (kCapped) alpha = FastArithmetic::cap(alpha, max_alpha);
+    const float used = FastArithmetic::product(alpha, t[k]), left = t[k] - used;
+    // The compiler would choose between α and 0 first. Here a splat that is not visible changes
+    // nothing instead, and sums change only where the pixel also goes on.
+    asm("{ .reg .pred visible, goes_on;\n"
+        "setp.ge.f32 visible, %4, %11;\n"
+        "setp.gt.and.f32 goes_on, %5, %12, visible;\n"
+        "@visible selp.f32 %0, %5, %6, goes_on;\n"
+        "@goes_on fma.rn.f32 %1, %7, %8, %1;\n"
+        "@goes_on fma.rn.f32 %2, %7, %9, %2;\n"
+        "@goes_on fma.rn.f32 %3, %7, %10, %3; }"
+        : "+f"(t[k]), "+f"(red[k]), "+f"(green[k]), "+f"(blue[k])
+        : "f"(exponent), "f"(left), "f"(m::make_negative(t[k])), "f"(used), "f"(color.x),
+          "f"(color.y), "f"(color.z), "f"(float(m::kLog2MinAlpha)),
+          "f"(float(m::kMinTransmittance)));
+    const bool goes_on = m::is_visible(exponent) && left > float(m::kMinTransmittance);
+    if (kDepth && goes_on) depth[k] = fmaf(used, splat_depth, depth[k]);
+#else  // tests/emulated
+    const auto step = m::blend_step<FastArithmetic, false, kCapped>(exponent, max_alpha, &t[k]);
+    red[k] = fmaf(step.weight, color.x, red[k]);
+    green[k] = fmaf(step.weight, color.y, green[k]);
+    blue[k] = fmaf(step.weight, color.z, blue[k]);
+    if (kDepth) depth[k] = fmaf(step.weight, splat_depth, depth[k]);
+#endif
+  }
 };
 
 template <bool kDepth>
@@ -70,25 +96,21 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks - kDepth)
   WarpStage& stage = stages[pixels.quarter];
   if (kGradient) clear(clearing);
   int place = 2 * (threadIdx.x & 31);  // of the lane's first pixel; −1 if none is alive
-  float px = from_middle(place % kSubtile), py = from_middle(place / kSubtile);
+  float px = from_middle(place % kSubtile);
+  int line = place / kSubtile;
   PixelSums s;
-  for (int k = 0; k < 2; ++k) s.t[k] = first_transmittance(pixels.inside[k]);
+  for (int k = 0; k < 2; ++k) s.t[k] = pixels.inside[k] ? 1.0f : -1.0f;  // negative: stopped
   const auto blend = [&](int j, auto count, auto capped) {
-    const QuarterSplat splat(stage.splat[j]);
-    const m::RowFalloff<float> row = m::at_row(splat.exponent, py);
+    const float4 color = stage.splat[j].color_a;
+    const m::RowFalloff<float> row = stage.splat[j].falloff(line);
 #pragma unroll
     for (int k = 0; k < decltype(count)::value; ++k) {
-      const auto step = m::blend_step<FastArithmetic, false, decltype(capped)::value>(
-          m::exponent(row, px + float(k)), call.max_alpha, &s.t[k]);
-      if (!step.goes_on) continue;  // a predicate instead of a choice between `used` and 0
-      s.red[k] = fmaf(step.used, splat.red, s.red[k]);
-      s.green[k] = fmaf(step.used, splat.green, s.green[k]);
-      s.blue[k] = fmaf(step.used, splat.blue, s.blue[k]);
-      if (kDepth) s.depth[k] = fmaf(step.used, splat.depth, s.depth[k]);
+      s.add<kDepth, decltype(capped)::value>(k, m::exponent(row, px + float(k)), call.max_alpha,
+                                             color, stage.depth[j]);
     }
   };
   bool narrow = false;    // one pixel per lane
-  uint32_t changing = 0;  // the highest bit: the last splat changed this lane's pixel; and so on
+  uint32_t changing = 0;  // bit j: splat j of the stage changed this lane's pixel
   const auto begin_narrow = [&](const AlivePixels& alive) {
     for (int k = 0; k < 2; ++k) {
       if (s.t[k] <= 0) store_pixel<kDepth>(call, images, pixels, place + k, k, s);
@@ -100,21 +122,22 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks - kDepth)
     one.take(s.blue);
     if (kDepth) one.take(s.depth);
     px = from_middle(one.place() % kSubtile);
-    py = from_middle(one.place() / kSubtile);
+    line = one.place() / kSubtile;
     place = one.taken() ? one.place() : -1;
     narrow = true;
   };
   stream_tile(
-      call, pixels, stage, round, round_keys, [&] { return any_alive(s.t); },
+      call, pixels, stage, round, round_keys,
+      [&] { return __any_sync(~0u, s.t[0] > 0 || s.t[1] > 0); },
       [&](int begin, int end, bool capped) {
         if (narrow) {
-          for_group<1, kGroup / 2>(begin, end, capped, [&](int j, int, auto cap) {
+          uint32_t of_group = 0;
+          for_group<1, kGroup>(begin, end, capped, [&](int j, int in_group, auto cap) {
             const float before = s.t[0];
             blend(j, std::integral_constant<int, 1>(), cap);
-            if (!kGradient) return;
-            if (s.t[0] != before) changing |= 1;
-            changing = changing >> 1 | changing << 31;
+            if (kGradient && s.t[0] != before) of_group |= 1u << in_group;
           });
+          changing |= of_group << begin;
         } else {
           for_group<1, kGroup / 2>(begin, end, capped, [&](int j, int, auto cap) {
             blend(j, std::integral_constant<int, 2>(), cap);
@@ -130,7 +153,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks - kDepth)
         if (!kGradient) return;
         const int lane = threadIdx.x & 31;
         const uint32_t all = __reduce_or_sync(~0u, changing);
-        if (entries != nullptr && lane < count && (all >> ((lane - count) & 31) & 1) == 0) {
+        if (entries != nullptr && lane < count && (all >> lane & 1) == 0) {
           atomicAnd(entries + stage.position[lane], ~(1u << pixels.quarter));
         }
         changing = 0;
@@ -141,9 +164,10 @@ __global__ void __launch_bounds__(kBlendThreads, kBlendBlocks - kDepth)
 
 // ---- adjoint ----------------------------------------------------------------------------------
 
-/// dL/dpixel and the contribution of the remaining splats (math/blend.h), for one lane.
+/// dL/dpixel, and `behind` and `bound` of math/blend.h, for one lane.
 struct PixelGradients {
   float red[2], green[2], blue[2], depth[2], behind[2];
+  float bound[2];  ///< above 1 outside the image, where no pixel goes on
 };
 
 /// A factor of dL/dpixel, in which the adjoint's sums are linear. Their terms are cut to TF32
@@ -163,9 +187,11 @@ __device__ __forceinline__ PixelGradients load_gradients(const RenderCall& call,
   PixelGradients g{};
   for (int c = 0; c < 3; ++c) background[c] = 0;
   for (int k = 0; k < 2; ++k) {
+    g.bound[k] = 2;
     if (!pixels.inside[k]) continue;
     const int64_t i = pixels.offset[k];
     const float t_end = 1.0f - images.alpha[alpha_at + i];
+    g.bound[k] = m::replay_bound(images.alpha[alpha_at + i]);
     if (images.grad_color != nullptr) {
       const float* const grad = images.grad_color + color_at + i * call.pixel_stride;
       const float* const color = images.color + color_at + i * call.pixel_stride;
@@ -222,8 +248,8 @@ __device__ __forceinline__ void add_background(const RenderCall& call, const Pix
 /// Three products add up to one D: of u, for its moments along the row; of a lane's contributions
 /// to dL/dred (k < 4) and dL/dgreen (k ≥ 4); and of those to dL/dblue and dL/ddepth, or, without
 /// depth, of each pixel's contribution to dL/dblue. Sums n are
-///     u, red, u x, green, u x², blue, depth or 0, 0         (x from the quarter's middle)
-/// so that the four lanes that later share a splat, two sums each, have equal work (sum_rows()).
+///     u, blue, u x, depth or 0, u x², red, 0, green         (x from the quarter's middle)
+/// so that each of the four lanes that later share a splat adds up two sums (sum_rows()).
 struct SumFactors {
   float moments[2], red_green[2], blue_depth[2];  ///< this lane's elements of each B
 
@@ -232,13 +258,13 @@ struct SumFactors {
     for (int i = 0; i < 2; ++i) {
       const float x = from_middle(2 * (lane & 3) + i);
       moments[i] = n == 0 ? 1.0f : n == 2 ? x : n == 4 ? x * x : 0.0f;
-      red_green[i] = n == (i == 0 ? 1 : 3) ? 1.0f : 0.0f;
-      blue_depth[i] = n == (depth ? 5 + i : 5) ? 1.0f : 0.0f;
+      red_green[i] = n == 5 + 2 * i ? 1.0f : 0.0f;
+      blue_depth[i] = n == (depth ? 1 + 2 * i : 1) ? 1.0f : 0.0f;
     }
   }
 };
 
-constexpr int kAdjointBlocks = 6;               ///< per multiprocessor
+constexpr int kAdjointBlocks = 7;               ///< per multiprocessor
 constexpr int kPairsAtOnce = 4;                 ///< of splats, in an unrolled loop
 constexpr int kSplatStride = 8 * kSubtile + 8;  ///< avoids bank conflicts of sum_rows()
 
@@ -249,7 +275,7 @@ struct alignas(16) WarpAdjoint {
 };
 
 /// Four lanes share a splat: lane q of them adds up sums 2 q and 2 q + 1 of all rows. Afterwards
-/// its values[i], i < 3, belong to place_of(q, i) of the splat's kPixelSums (+ 1).
+/// its values[i] is number q + 4 i of the splat's kPixelSums (+ 1).
 __device__ __forceinline__ void sum_rows(const float* sums, int splat, int q, float dx, float dy,
                                          float* values) {
   float s0 = 0, sy = 0, syy = 0, color = 0;  // of the even sum: moments along y; of the odd one
@@ -265,21 +291,14 @@ __device__ __forceinline__ void sum_rows(const float* sums, int splat, int q, fl
   }
   const int first = threadIdx.x & 28;  // of the splat's lanes
   const float m0 = __shfl_sync(~0u, s0, first), mx = __shfl_sync(~0u, s0, first + 1);
-  const float my = __shfl_sync(~0u, sy, first), myy = __shfl_sync(~0u, syy, first);
+  const float mxx = __shfl_sync(~0u, s0, first + 2), my = __shfl_sync(~0u, sy, first);
+  const float mxy = __shfl_sync(~0u, sy, first + 1), myy = __shfl_sync(~0u, syy, first);
   // From moments about the quarter's middle to those about the splat.
   const float x1 = mx + dx * m0, y1 = my + dy * m0;
-  const float xx = s0 + dx * (mx + x1), yy = myy + dy * (my + y1), xy = sy + dx * y1 + dy * mx;
-  values[0] = q == 0 ? m0 : q == 1 ? x1 : q == 2 ? xx : yy;
-  values[1] = q == 0 ? y1 : q == 1 ? xy : s0;
-  values[2] = color;
-}
-
-/// Negative: none.
-template <bool kDepth>
-__device__ __forceinline__ int place_of(int q, int i) {
-  if (i == 0) return q + max(q - 1, 0);                              // u, x, xx, yy
-  if (i == 2) return q < 3 ? 6 + q : -1;                             // red, green, blue
-  return q < 2 ? 2 + 2 * q : kDepth && q == 3 ? m::kPixelSums : -1;  // y, xy, none, depth
+  const float xx = mxx + dx * (mx + x1), yy = myy + dy * (my + y1), xy = mxy + dx * y1 + dy * mx;
+  values[0] = q == 0 ? m0 : q == 1 ? x1 : q == 2 ? y1 : xx;
+  values[1] = q == 0 ? xy : q == 1 ? yy : color;  // red, green
+  values[2] = color;                              // blue, depth
 }
 
 template <bool kDepth, bool kSlots>
@@ -302,13 +321,13 @@ __global__ void __launch_bounds__(kBlendThreads, kAdjointBlocks - (kDepth && kSl
     add_background(call, pixels, gradients, background, warp_background);
   }
 
-  const float px = from_middle(2 * (lane & 3)), py = from_middle(lane >> 2);
-  float t[2];
-  for (int k = 0; k < 2; ++k) t[k] = first_transmittance(pixels.inside[k]);
+  const float px = from_middle(2 * (lane & 3));
+  float t[2] = {1, 1};
   const int64_t global_tile = int64_t(pixels.view) * call.tiles + pixels.tile;
   const TileList list = call.tile_list[global_tile];
   const bool slots = kSlots && list.begin < call.capacity;
-  float* const view_sums = gradients.sums + int64_t(pixels.view) * call.count * kValues;
+  float* const lane_sums =
+      gradients.sums + int64_t(pixels.view) * call.count * kValues + (lane & 3);
   const SumFactors factors(lane, kDepth);
   uint32_t progress = 0;
   const auto blend_pair = [&](int j, int in_group, auto capped) {
@@ -316,15 +335,15 @@ __global__ void __launch_bounds__(kBlendThreads, kAdjointBlocks - (kDepth && kSl
     float u[4], red_green[4], blue_depth[4], d[4] = {0, 0, 0, 0};
 #pragma unroll
     for (int i = 0; i < 2; ++i) {
-      const QuarterSplat splat(stage.splat[j + i]);
-      const m::RowFalloff<float> row = m::at_row(splat.exponent, py);
+      const float4 color = stage.splat[j + i].color_a;
+      const m::RowFalloff<float> row = stage.splat[j + i].falloff(lane >> 2);
       float weights[2];
 #pragma unroll
       for (int k = 0; k < 2; ++k) {
-        const auto step = m::blend_step<FastArithmetic, false, kCapped>(
-            m::exponent(row, px + float(k)), call.max_alpha, &t[k]);
-        float value = g.red[k] * splat.red + g.green[k] * splat.green + g.blue[k] * splat.blue;
-        if (kDepth) value += g.depth[k] * splat.depth;
+        const auto step = m::replay_step<FastArithmetic, kCapped>(
+            m::exponent(row, px + float(k)), call.max_alpha, g.bound[k], &t[k]);
+        float value = g.red[k] * color.x + g.green[k] * color.y + g.blue[k] * color.z;
+        if (kDepth) value += g.depth[k] * stage.depth[j + i];
         u[2 * k + i] = m::blend_step_adjoint<FastArithmetic, false, kCapped>(
             step, value, call.max_alpha, &g.behind[k]);
         weights[k] = step.weight;
@@ -347,32 +366,30 @@ __global__ void __launch_bounds__(kBlendThreads, kAdjointBlocks - (kDepth && kSl
   const auto flush = [&](int first, int count) {
     __syncwarp();
     const int j = lane >> 2, q = lane & 3;
-    const float4 last = stage.splat[first + j][2];
+    const float2 offset = stage.offset[first + j];
     float values[3];
-    sum_rows(sums, j, q, last.z, last.w, values);
+    sum_rows(sums, j, q, offset.x, offset.y, values);
     if (j < count) {
-      float* out;
+      float* out = lane_sums + int64_t(stage.entry[first + j] >> kMaskBits) * kValues;
       if (slots) {
         const int64_t slot = (int64_t(list.begin) + stage.position[first + j]) * 4 + pixels.quarter;
-        out = gradients.slots + slot * kValues;
+        out = gradients.slots + slot * kValues + q;
         progress = stage.position[first + count - 1] + 1;
-      } else {
-        out = view_sums + int64_t(stage.entry[first + j] >> kMaskBits) * kValues;
       }
       for (int i = 0; i < 3; ++i) {
-        const int place = place_of<kDepth>(q, i);
-        if (place < 0) continue;
+        if (i == 2 && q + 8 >= kValues) continue;
         if (slots) {
-          out[place] = values[i];
+          out[4 * i] = values[i];
         } else {
-          atomicAdd(out + place, values[i]);
+          atomicAdd(out + 4 * i, values[i]);
         }
       }
     }
     __syncwarp();
   };
   stream_tile(
-      call, pixels, stage, round, reinterpret_cast<uint64_t*>(warps), [&] { return any_alive(t); },
+      call, pixels, stage, round, reinterpret_cast<uint64_t*>(warps),
+      [&] { return __any_sync(~0u, t[0] > g.bound[0] || t[1] > g.bound[1]); },
       [&](int begin, int end, bool capped) {
         for_group<2, kPairsAtOnce>(begin, end, capped, blend_pair);
         flush(begin, end - begin);

@@ -11,25 +11,32 @@ namespace jade::splat::cuda {
 
 constexpr int kGroup = 8;  ///< splats between two checks for stopped pixels
 
-/// The arithmetic of math::blend_step() by the special function units, 2 ulp.
+/// The arithmetic of math/blend.h by the special function units, 2 ulp.
 struct FastArithmetic {
-  static __device__ __forceinline__ float exp2_where(bool mask, float x) {
-    float value = 0;
+  static __device__ __forceinline__ float exp2(float x) {
 #ifdef __CUDACC__
-    if (mask) asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(value) : "f"(x));
-#else
-    if (mask) value = exp2f(x);  // tests/emulated
-#endif
+    float value;
+    asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(value) : "f"(x));
     return value;
+#else
+    return exp2f(x);  // tests/emulated
+#endif
+  }
+  static __device__ __forceinline__ float exp2_where(bool mask, float x) {
+    const float value = exp2(x);
+    return mask ? value : 0;
+  }
+  static __device__ __forceinline__ float cap(float alpha, float max_alpha) {
+    return fminf(alpha, max_alpha);
   }
   static __device__ __forceinline__ float product(float a, float b) { return __fmul_rn(a, b); }
-  static __device__ __forceinline__ float times_ratio(float x, float a, float b) {
+  static __device__ __forceinline__ float ratio(float a, float b) {
 #ifdef __CUDACC__
     float inverse;  // b is never small enough for the range checks of a division
     asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(inverse) : "f"(b));
-    return x * a * inverse;
+    return a * inverse;
 #else
-    return x * a / b;            // tests/emulated
+    return a / b;     // tests/emulated
 #endif
   }
 };
@@ -65,17 +72,14 @@ struct Pixels {
   __device__ __forceinline__ int y_of(int place) const { return top + place / kSubtile; }
 };
 
-/// A splat as a quarter's pixels need it: its exponent about the quarter's middle.
-struct QuarterSplat {
-  m::LocalFalloff<float> exponent;
-  float red, green, blue, depth;
-  float dx, dy;  ///< from the splat to the middle
+/// A splat as a quarter's pixels need it. 80 bytes, so that lanes that write 16 bytes each have no
+/// bank conflicts.
+struct alignas(16) QuarterSplat {
+  float2 row[kSubtile];  ///< b and c of RowFalloff from the middle of each of the quarter's rows
+  float4 color_a;        ///< red, green, blue; a of all rows
 
-  __device__ __forceinline__ explicit QuarterSplat(const float4* from) {
-    const float4 p = from[0], q = from[1], r = from[2];
-    exponent = {{p.x, p.y, p.z}, p.w, q.x, q.y};
-    red = q.z, green = q.w, blue = r.x, depth = r.y;
-    dx = r.z, dy = r.w;
+  __device__ __forceinline__ m::RowFalloff<float> falloff(int line) const {
+    return {color_a.w, row[line].x, row[line].y};
   }
 };
 
@@ -83,7 +87,9 @@ constexpr float kInvisible = -1e30f;  ///< log2 of an opacity
 
 /// Splats being loaded for a warp's pixels.
 struct WarpStage {
-  float4 splat[32][3];    ///< QuarterSplat
+  QuarterSplat splat[32];
+  float2 offset[32];  ///< from the splat to the quarter's middle
+  float depth[32];
   uint32_t entry[64];     ///< waiting to be loaded
   uint32_t position[64];  ///< in the tile's list
 
@@ -94,9 +100,14 @@ struct WarpStage {
     const float dy = float(pixels.top + kSubtile / 2) - s.y;
     const m::Falloff<float> falloff{s.a, s.b, s.c};
     const auto f = m::about(falloff, s.log2_opacity, dx, dy);
-    splat[i][0] = make_float4(s.a, s.b, s.c, f.value);
-    splat[i][1] = make_float4(f.slope_x, f.slope_y, s.red, s.green);
-    splat[i][2] = make_float4(s.blue, s.depth, dx, dy);
+#pragma unroll
+    for (int line = 0; line < kSubtile; line += 2) {
+      const auto one = m::at_row(f, from_middle(line)), two = m::at_row(f, from_middle(line + 1));
+      *reinterpret_cast<float4*>(splat[i].row + line) = make_float4(one.b, one.c, two.b, two.c);
+    }
+    splat[i].color_a = make_float4(s.red, s.green, s.blue, s.a);
+    offset[i] = make_float2(dx, dy);
+    depth[i] = s.depth;
     return m::exponent_bound(falloff, s.log2_opacity, dx, dy) > log2_max_alpha;
   }
 };

@@ -121,32 +121,34 @@ JADE_HD S fade_adjoint(S raw_alpha) {
                 S(0));
 }
 
-/// Arithmetic that backends may replace in blend_step(). This one: as written. `product` must not
-/// be fused with the following subtraction, so that both passes round T identically; `times_ratio`,
-/// x · a / b, may be evaluated in any order.
+/// Arithmetic that backends may replace. This one: as written. `product` must not be fused with the
+/// following subtraction, so that both passes round T identically.
 struct PlainArithmetic {
   template <class Mask, class S>
   JADE_HD static S exp2_where(Mask mask, S x) {
     return keep(mask, exp2(x));
   }
   template <class S>
+  JADE_HD static S cap(S alpha, S max_alpha) {
+    return min(alpha, max_alpha);
+  }
+  template <class S>
   JADE_HD static S product(S a, S b) {
     return a * b;
   }
   template <class S>
-  JADE_HD static S times_ratio(S x, S a, S b) {
-    return x * (a / b);
+  JADE_HD static S ratio(S a, S b) {
+    return a / b;
   }
 };
 
-/// Contribution of one splat to one pixel. All members are 0 if the splat is not visible or the
-/// pixel has stopped, except `alpha` and `raw_alpha` of stopped pixels.
+/// Contribution of one splat to one pixel.
 template <class S>
 struct BlendStep {
-  S raw_alpha;  ///< before the fade and the cap
-  S alpha;
+  S raw_alpha;                    ///< before the fade and the cap
+  S alpha;                        ///< 0 if the splat is not visible or the pixel has stopped
   S used;                         ///< α T
-  S weight;                       ///< α T, the weight of its colour
+  S weight;                       ///< the weight of its colour: α T, or 0 as alpha
   decltype(S(0) > S(0)) goes_on;  ///< false: the pixel has stopped at this splat or before
 };
 
@@ -159,29 +161,55 @@ JADE_HD BlendStep<S> blend_step(S exponent_value, S max_alpha, S* transmittance)
   BlendStep<S> step;
   step.raw_alpha = Arithmetic::exp2_where(is_visible(exponent_value), exponent_value);
   const S faded = kSmooth ? step.raw_alpha * fade(step.raw_alpha) : step.raw_alpha;
-  step.alpha = kCapped ? min(faded, max_alpha) : faded;
-  step.used = Arithmetic::product(step.alpha, t);
+  const S alpha = kCapped ? Arithmetic::cap(faded, max_alpha) : faded;
+  step.used = Arithmetic::product(alpha, t);
   const S left = t - step.used;
   step.goes_on = left > S(kSmooth ? -1 : kMinTransmittance);
+  step.alpha = keep(step.goes_on, alpha);
   step.weight = keep(step.goes_on, step.used);
   *transmittance = select(step.goes_on, left, make_negative(t));
   return step;
 }
 
-/// Adjoint of blend_step(): returns u_i = dL/d ln α_i before clamping, for v_i = ⟨dL/dC, c_i⟩.
+/// For replay_step(): a pixel goes on while its T is above this. A splat that changes a pixel takes
+/// at least 1/255 of T, and alpha = 1 − T_end is rounded to 2^-25, 3e-4 of the least T_end.
+/// @param alpha  of the image
+template <class S>
+JADE_HD S replay_bound(S alpha) {
+  return S(1.002) * (S(1) - alpha);
+}
+
+/// blend_step() without kSmooth in a backward pass that knows T_end. T is the same while the pixel
+/// goes on, and stays T_end afterwards, so this needs one choice instead of four. max_alpha must be
+/// at least 1/255.
+template <class Arithmetic, bool kCapped, class S>
+JADE_HD BlendStep<S> replay_step(S exponent_value, S max_alpha, S bound, S* transmittance) {
+  const S t = *transmittance;
+  BlendStep<S> step;
+  step.goes_on = t > bound;
+  step.raw_alpha =
+      Arithmetic::exp2_where(is_visible(exponent_value) & step.goes_on, exponent_value);
+  step.alpha = kCapped ? Arithmetic::cap(step.raw_alpha, max_alpha) : step.raw_alpha;
+  step.used = step.weight = Arithmetic::product(step.alpha, t);
+  *transmittance = t - step.used;
+  return step;
+}
+
+/// Adjoint of both: returns u_i = dL/d ln α_i before clamping, for v_i = ⟨dL/dC, c_i⟩.
 ///     C = Σ c_i α_i T_i + T_end · background,  T_{i+1} = T_i (1 − α_i),  so with
 ///     B_i = Σ_{j>i} v_j α_j T_j + T_end ⟨dL/dC, background⟩, in which each term has a 1 − α_i:
-///     dL/dα_i = T_i v_i − B_i / (1 − α_i),  u_i = α_i dL/dα_i = α_i T_i v_i − B_i α_i / (1 − α_i).
-///     Front to back, *behind starts as B_{-1} = ⟨dL/dC, C⟩ and decreases by α_i T_i v_i at each
-///     splat. Clamped and stopped values are constant: both give 0. dL/dc_i = weight · dL/dC.
+///     dL/dα_i = T_i v_i − B_i / (1 − α_i),  and with B_{i-1} = B_i + α_i T_i v_i
+///     u_i = α_i dL/dα_i = B_{i-1} − B_i / (1 − α_i).
+///     Front to back, *behind starts as B_{-1} = ⟨dL/dC, C⟩. Clamped and stopped values are
+///     constant: both give 0. dL/dc_i = weight · dL/dC.
 template <class Arithmetic, bool kSmooth, bool kCapped = true, class S>
 JADE_HD S blend_step_adjoint(const BlendStep<S>& step, S value, S max_alpha, S* behind) {
-  const S weighted = step.weight * value;
-  *behind = *behind - weighted;
-  S u = weighted - Arithmetic::times_ratio(*behind, step.alpha, S(1) - step.alpha);
+  const S before = *behind;
+  *behind = fma(-step.weight, value, before);
+  S u = fma(-*behind, Arithmetic::ratio(S(1), S(1) - step.alpha), before);
   if constexpr (kSmooth) u = u * fade_adjoint(step.raw_alpha);
-  if constexpr (kCapped) return keep((step.weight > S(0)) & (step.alpha < max_alpha), u);
-  return keep(step.goes_on, u);  // α = 0 gives 0
+  if constexpr (kCapped) return keep(step.alpha < max_alpha, u);
+  return u;
 }
 
 }  // namespace JADE_ISA
