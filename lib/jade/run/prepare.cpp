@@ -54,10 +54,12 @@ std::string resolved_yaml(train::RunOptions options) {
 
 Prepared prepare(const train::RunOptions& given, const std::filesystem::path& folder,
                  const std::string& from, const std::optional<Choices>& choices) {
-  Prepared run{StageTimes(), given, select_device(given.device), RunDirectory(folder), {}, {},
-               {},           {}};
+  // Report a missing GPU before minutes of loading.
+  if (given.device != "auto") select_device(given.device);
+  Prepared run{StageTimes(), given, torch::kCPU, RunDirectory(folder), {}, {}, {}, {}};
   train::RunOptions& options = run.options;
-  run.data = load_data(run.directory, options, run.device, from.empty());
+  run.data = load_data(run.directory, options, from.empty());
+  run.device = run.data.device;
   const data::Dataset& dataset = run.data.dataset;
   run.stream = std::make_unique<train::StreamScope>(run.device);
   run.times.end("data");

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "jade/run/run_data.h"
 
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "jade/core/device.h"
 #include "jade/core/log.h"
@@ -16,9 +18,30 @@
 #include "jade/train/bank.h"
 
 namespace jade::run {
+namespace {
 
-RunData load_data(const RunDirectory& directory, const train::RunOptions& options,
-                  torch::Device device, bool is_new) {
+/// The device, and what is loaded on a GPU on further threads.
+struct StartedDevice {
+  torch::Device device;
+  std::future<restore::Restorer> restorer;
+  std::future<void> kernels;
+};
+
+StartedDevice started_device(const train::RunOptions& options, const std::string& restorer_sha256) {
+  StartedDevice started{select_device(options.device), {}, {}};
+  const torch::Device device = started.device;
+  if (!device.is_cuda()) return started;
+  if (train::needs_efnet(options) &&
+      !restore::restored_before(options.cache, restorer_sha256, device, options.dataset.path)) {
+    started.restorer = restore::load_beside(options.efnet, device);
+  }
+  started.kernels = std::async(std::launch::async, [device] { train::load_kernels(device); });
+  return started;
+}
+
+}  // namespace
+
+RunData load_data(const RunDirectory& directory, const train::RunOptions& options, bool is_new) {
   if (is_new && directory.holds_a_run()) {
     throw DataError(
         concat(directory.path().string(),
@@ -30,14 +53,9 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   data::kind_of(options.dataset);
   // Set up before anything that may warn.
   set_log_file(directory.path() / "train.log");
-  if (train::needs_efnet(options) && device.is_cuda() &&
-      !restore::restored_before(options.cache, data.restorer_sha256, device,
-                                options.dataset.path)) {
-    data.restorer = restore::load_beside(options.efnet, device);
-  }
-  if (device.is_cuda()) {
-    data.kernels = std::async(std::launch::async, [device] { train::load_kernels(device); });
-  }
+  // CUDA takes a tenth of a second or more to find its GPUs.
+  std::future<StartedDevice> starting =
+      std::async(std::launch::async, started_device, std::cref(options), data.restorer_sha256);
   if (options.response.enabled) response::identity_response();  // fails before the data are read
   log_info(concat("reading     ", options.dataset.path.string()));
   std::vector<std::string> warnings;
@@ -57,6 +75,10 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   }
   data.fingerprint =
       data_fingerprint(data.dataset, train::target_images_sha256(data.dataset, options));
+  StartedDevice started = starting.get();
+  data.device = started.device;
+  data.restorer = std::move(started.restorer);
+  data.kernels = std::move(started.kernels);
   return data;
 }
 
