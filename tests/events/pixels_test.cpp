@@ -3,12 +3,16 @@
 
 #include "support/catch.h"
 
+#include <ATen/Parallel.h>
 #include <cmath>
 #include <torch/types.h>
+#include <vector>
 
 #include "jade/core/error.h"
+#include "random_events.h"
 
 using namespace jade::events;
+using namespace jade::test;
 
 namespace {
 
@@ -24,6 +28,20 @@ TEST_CASE("pixels: coordinates are rounded to the nearest pixel, NaN is in none"
   CHECK(pixel_counts(kEvents, {2, 3}).equal(expected));
   CHECK(pixel_counts({}, {2, 3}).eq(0).all().item<bool>());
   CHECK_THROWS_AS(pixel_counts({}, {0, 0}), jade::ContractError);
+}
+
+TEST_CASE("pixels: threads count all events together", "[events]") {
+  const Lists events = random_events(4 * kEventGrain + 1, 2, 1000, /*seed=*/1);
+  std::vector<int64_t> expected(size_t(kSize.height * kSize.width), 0);
+  for (size_t i = 0; i < events.x.size(); ++i) {
+    const int64_t at = pixel_of(events.x[i], events.y[i], kSize);
+    if (at >= 0) ++expected[size_t(at)];
+  }
+  const int threads = at::get_num_threads();
+  at::set_num_threads(4);
+  const torch::Tensor counts = pixel_counts(events.stream(), kSize);
+  at::set_num_threads(threads);
+  CHECK(counts.flatten().equal(torch::tensor(expected, torch::kInt64)));
 }
 
 TEST_CASE("pixels: a mask keeps events of its pixels and those outside, in order", "[events]") {

@@ -139,8 +139,8 @@ bool rests(const Dataset& data, const events::TimeWindow& window) {
   return motion(data, begin, end) < kStill * beside;
 }
 
-/// Warns of stretches without events in exposures, as lost packets leave them.
-void tell_silences(const fs::path& path, const Dataset& data, const Warnings& warnings) {
+/// A line about stretches without events in exposures, as lost packets leave them; else empty.
+std::string silence_fault(const Dataset& data) {
   std::vector<events::TimeWindow> silences = events::silences(data.events);
   silences.erase(std::remove_if(silences.begin(), silences.end(),
                                 [&](const auto& silence) { return rests(data, silence); }),
@@ -150,9 +150,8 @@ void tell_silences(const fs::path& path, const Dataset& data, const Warnings& wa
     exposures.push_back({exposure.name, {exposure.t_start_us, exposure.t_end_us}});
   }
   const std::string fault = events::silence_fault(exposures, silences);
-  if (fault.empty()) return;
-  warnings.add(path.string(), ": ", fault,
-               "; restorations are wrong there; record again, or leave these frames out");
+  if (fault.empty()) return "";
+  return fault + "; restorations are wrong there; record again, or leave these frames out";
 }
 
 }  // namespace
@@ -174,25 +173,27 @@ void attach_events(const DatasetOptions& options, const EventSpan& exposures, co
   file_options.exposures = events::TimeWindow{exposures.begin_us, exposures.end_us};
   events::EventFileResult result = events::read_events(path, file_options);
   for (const std::string& line : result.warnings) warnings.add(line);
-  std::array<std::future<std::string>, 4> faults{
+  data.events = cut(result.events, keep, path, warnings);
+  std::array<std::future<std::string>, 5> faults{
       std::async(std::launch::async, [&] { return events::place_fault(result.events); }),
       std::async(std::launch::async, [&] { return events::polarity_fault(result.events); }),
       std::async(std::launch::async, [&] { return events::resolution_fault(result.events); }),
-      std::async(std::launch::async, [&] {
-        return imaging::cover_fault(result.events, data.train[data.train.size() / 2].blurry);
-      })};
+      std::async(std::launch::async,
+                 [&] {
+                   return imaging::cover_fault(result.events,
+                                               data.train[data.train.size() / 2].blurry);
+                 }),
+      std::async(std::launch::async, [&] { return silence_fault(data); })};
   check_inside(result.events, camera, path, warnings);
   for (std::future<std::string>& check : faults) {
     const std::string fault = check.get();
     if (!fault.empty()) warnings.add(path.string(), ": ", fault);
   }
-  data.events = cut(result.events, keep, path, warnings);
   std::vector<std::string> without;
   for (Exposure& exposure : data.train) {
     exposure.events = data.events.slice(exposure.t_start_us, exposure.t_end_us);
     if (exposure.events.empty()) without.push_back(exposure.name);
   }
-  tell_silences(path, data, warnings);
   if (without.empty()) return;
   warnings.add(path.string(), ": ", without.size(), " of ", data.train.size(),
                " exposures have no events (", listing(without),

@@ -3,7 +3,7 @@
 
 #include <ATen/Parallel.h>
 #include <algorithm>
-#include <atomic>
+#include <mutex>
 #include <torch/types.h>
 #include <vector>
 
@@ -13,16 +13,21 @@ namespace jade::events {
 
 torch::Tensor pixel_counts(const EventStream& events, const ImageSize& size) {
   JADE_CHECK(size.height > 0 && size.width > 0, "expected a sensor of 1 pixel or more");
-  std::vector<std::atomic<int64_t>> shared(size_t(size.height * size.width));
+  const int64_t pixels = size.height * size.width;
+  torch::Tensor counts = torch::zeros({size.height, size.width}, torch::kInt64);
+  int64_t* const all = counts.mutable_data_ptr<int64_t>();
   const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
-  at::parallel_for(0, events.size(), kEventGrain, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      const int64_t at = pixel_of(x[i], y[i], size);
-      if (at >= 0) shared[size_t(at)].fetch_add(1, std::memory_order_relaxed);
-    }
-  });
-  torch::Tensor counts = torch::empty({size.height, size.width}, torch::kInt64);
-  std::copy(shared.begin(), shared.end(), counts.mutable_data_ptr<int64_t>());
+  std::mutex mutex;
+  at::parallel_for(
+      0, events.size(), std::max(kEventGrain, pixels), [&](int64_t begin, int64_t end) {
+        std::vector<int64_t> own(size_t(pixels), 0);  // threads would wait for shared ones
+        for (int64_t i = begin; i < end; ++i) {
+          const int64_t at = pixel_of(x[i], y[i], size);
+          if (at >= 0) ++own[size_t(at)];
+        }
+        const std::lock_guard<std::mutex> lock(mutex);
+        for (int64_t i = 0; i < pixels; ++i) all[i] += own[size_t(i)];
+      });
   return counts;
 }
 
