@@ -3,8 +3,11 @@
 
 #include "support/catch.h"
 
+#include <future>
+#include <memory>
 #include <set>
 #include <torch/types.h>
+#include <utility>
 
 #include "jade/core/error.h"
 #include "jade/core/random.h"
@@ -49,7 +52,9 @@ TEST_CASE("bank: each has the events of its own exposure, though they are summed
   const test::TinyScene scene(data);
   const train::RunOptions options = test::routed_options(scene);
   const data::Dataset dataset = data::load_dataset(options.dataset);
-  const train::ViewBank bank(dataset, options, torch::kCPU);
+  auto begun = std::make_unique<train::Restoring>(dataset, options, torch::kCPU,
+                                                  std::future<restore::Restorer>(), 0);
+  const train::ViewBank bank(dataset, options, torch::kCPU, std::move(begun));
   REQUIRE(bank.size() == 7);
   for (int64_t i = 0; i < bank.size(); ++i) {
     const data::Exposure& exposure = dataset.train[static_cast<size_t>(i)];

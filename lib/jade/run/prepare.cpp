@@ -32,8 +32,8 @@ void settle_pattern(const data::Dataset& dataset, train::LearnPattern& learn) {
   }
 }
 
-/// The state of a new run, and options that depend on its data.
-train::TrainState new_state(const std::optional<Choices>& choices, int64_t budget, Prepared& run) {
+/// Settles the options of a new run that depend on its data.
+void settle_new(const std::optional<Choices>& choices, int64_t budget, Prepared& run) {
   train::RunOptions& options = run.options;
   const data::Dataset& dataset = run.data.dataset;
   options.splat.near_plane = train::near_plane(options.splat, dataset);
@@ -43,7 +43,6 @@ train::TrainState new_state(const std::optional<Choices>& choices, int64_t budge
   options.densify.max_gaussians = train::max_gaussians(options, dataset, budget);
   if (choices) choose_pace(dataset, *choices, run.device, options, run.data.restorer);
   if (!train::needs_efnet(options)) run.data.restorer_sha256.clear();
-  return train::make_state(options, dataset, run.device);
 }
 
 }  // namespace
@@ -80,9 +79,15 @@ Prepared prepare(const train::RunOptions& given, const std::filesystem::path& fo
       measured = std::async(std::launch::async, measure_quietly, std::cref(dataset), fingerprint,
                             /*log_offset=*/0, options.cache);
     }
-    state = new_state(choices, budget, run);
+    settle_new(choices, budget, run);
   }
-  run.state = std::move(*state);
+  // Events are summed and the cache is read while the scene starts.
+  const train::MemoryPlan expected =
+      train::memory_plan(options, dataset, options.densify.max_gaussians);
+  auto restoring =
+      std::make_unique<train::Restoring>(dataset, options, run.device, std::move(run.data.restorer),
+                                         train::constants_budget(expected, budget));
+  run.state = state ? std::move(*state) : train::make_state(options, dataset, run.device);
   announce(run.data, run.device, run.state, options);
   write_file(run.directory.path() / "config.yaml", resolved_yaml(options));
   write_file(run.directory.path() / kEnvironmentFile,
@@ -90,7 +95,7 @@ Prepared prepare(const train::RunOptions& given, const std::filesystem::path& fo
   run.times.end("start");
   const int64_t most = train::most_gaussians(run.state, options);
   train::MemoryPlan plan = train::memory_plan(options, dataset, most);
-  run.feed = train::StepFeed(dataset, options, run.device, std::move(run.data.restorer),
+  run.feed = train::StepFeed(dataset, options, run.device, std::move(restoring),
                              train::constants_budget(plan, budget));
   if (measured.valid()) settle_thresholds(dataset, measured.get(), options);
   if (run.data.kernels.valid()) run.data.kernels.wait();  // a graph must not be recorded beside it

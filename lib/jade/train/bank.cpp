@@ -20,7 +20,6 @@
 #include "jade/imaging/ssim.h"
 #include "jade/train/exposure_span.h"
 #include "jade/train/plan.h"
-#include "jade/train/sums_ahead.h"
 
 namespace jade::train {
 namespace {
@@ -169,6 +168,11 @@ void put(PerView& kind, const torch::Tensor& maps, const torch::Tensor& mask = {
   if (maps.defined()) kind.push_back(shown(maps, mask).cpu());
 }
 
+/// A CPU that runs the restorer has no threads to spare.
+std::launch policy_on(torch::Device device) {
+  return device.is_cuda() ? std::launch::async : std::launch::deferred;
+}
+
 /// Maps at all moments in the stored type; an exposure of zero length has one for all.
 torch::Tensor kept(const torch::Tensor& moments, bool lasts, torch::Dtype type) {
   return (lasts ? moments : moments.narrow(0, 0, 1)).to(type);
@@ -184,17 +188,26 @@ void load_kernels(torch::Device device) {
   imaging::ssim_target(torch::zeros({3, 8, 8}, device));
 }
 
+Restoring::Restoring(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
+                     std::future<restore::Restorer> early, int64_t most_device_bytes)
+    : how(restore_options(options)),
+      restorer(options.cache, needs_efnet(options) ? std::optional(options.efnet) : std::nullopt,
+               device, dataset.monochrome, std::move(early)),
+      sums(dataset, how, restorer, policy_on(device), most_device_bytes) {
+  if (restorer.has_network() && restores_poses(options)) restorer.check_times(how.times);
+}
+
 ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
-                   std::future<restore::Restorer> early, int64_t most_device_bytes)
+                   std::unique_ptr<Restoring> begun, int64_t most_device_bytes)
     : options_(options), device_(device) {
   const torch::NoGradGuard no_grad;
-  const auto efnet = needs_efnet(options) ? std::optional(options.efnet) : std::nullopt;
-  restore::ViewRestorer restorer(options.cache, efnet, device, dataset.monochrome,
-                                 std::move(early));
-  if (efnet && restores_poses(options)) restorer.check_times(restored_times(options));
+  if (!begun) {
+    begun = std::make_unique<Restoring>(dataset, options, device, std::future<restore::Restorer>(),
+                                        most_device_bytes);
+  }
+  restore::ViewRestorer& restorer = begun->restorer;
   Progress progress("restoring", static_cast<int64_t>(dataset.train.size()), 0, "views");
   const std::vector<ExposureSpan> spans = exposure_spans(dataset);
-  const restore::RestoreOptions how = restore_options(options);
   const bool masks = has_masks(dataset);
   const geometry::Quadrature sum =
       geometry::quadrature(options.exposure.quadrature, options.exposure.samples);
@@ -202,10 +215,6 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
   if (options.exposure.quadrature == geometry::QuadratureRule::kTrapezoid) {
     weights_ = torch::tensor(sum.weights, torch::kFloat64).to(device, torch::kFloat32);
   }
-  // A CPU that runs the restorer has no threads to spare.
-  const std::launch policy = device.is_cuda() ? std::launch::async : std::launch::deferred;
-  // The memory that constants take later is free until then.
-  SumsAhead sums(dataset, how, restorer, policy, most_device_bytes);
   std::vector<std::filesystem::path> targets(spans.size());
   if (options.objective.target == losses::Target::kImageFolder)
     targets = target_paths(dataset, options.train.target_images);
@@ -214,16 +223,17 @@ ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torc
     throw_if_interrupted();
     const data::Exposure exposure = masked(dataset.train[i]);
     restore::RestoredExposure restored =
-        restore::restore_exposure(exposure, sums.next(), how, restorer);
+        restore::restore_exposure(exposure, begun->sums.next(), begun->how, restorer);
     if (stored.valid()) stored.get();
     // Other threads use another stream: they must find these tensors complete, and may reuse the
     // memory of the windows as soon as it is freed.
     if (device.is_cuda()) torch::cuda::synchronize(device.index());
     restored.windows.reset();
-    stored = std::async(policy, [this, &dataset, &spans, &targets, i, masks, exposure, restored] {
-      const torch::NoGradGuard on_this_thread;
-      add(exposure, spans[i], masks, dataset.monochrome, targets[i], restored);
-    });
+    stored = std::async(policy_on(device),
+                        [this, &dataset, &spans, &targets, i, masks, exposure, restored] {
+                          const torch::NoGradGuard on_this_thread;
+                          add(exposure, spans[i], masks, dataset.monochrome, targets[i], restored);
+                        });
     if (!device.is_cuda()) stored.get();
     if (progress.step()) progress.show();
   }

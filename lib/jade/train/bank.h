@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <future>
+#include <memory>
 #include <optional>
 #include <string>
 #include <torch/types.h>
@@ -16,8 +17,10 @@
 #include "jade/losses/objective.h"
 #include "jade/restore/efnet.h"
 #include "jade/restore/restored_exposure.h"
+#include "jade/restore/view_restorer.h"
 #include "jade/train/exposure_span.h"
 #include "jade/train/options.h"
+#include "jade/train/sums_ahead.h"
 #include "jade/train/view.h"
 
 namespace jade::train {
@@ -40,20 +43,36 @@ struct ConstantBytes {
 /// another thread, while the data are read.
 void load_kernels(torch::Device device);
 
+/// The restoration of all exposures. On a GPU other threads sum the events of the first exposures
+/// and look them up in the cache from construction on.
+struct Restoring {
+  /// @param dataset  must outlive it
+  /// @param options  settled
+  /// @param early  the network, if its loading has started
+  /// @param most_device_bytes  as SumsAhead()
+  /// @throws DataError if all poses are to be restored and the restorer supports the middle only
+  Restoring(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
+            std::future<restore::Restorer> early, int64_t most_device_bytes);
+
+  restore::RestoreOptions how;
+  restore::ViewRestorer restorer;
+  SumsAhead sums;
+};
+
 /// Constants of the training exposures, of K moments each. Views may differ in size.
 class ViewBank {
  public:
   ViewBank() = default;
   /// Restores every exposure: voxels, EDI, EFNet, cameras. Shows progress. EFNet is loaded for the
-  /// duration of the call only, or is `early`, whose loading has already started.
+  /// duration of the call at most.
   /// @param options  settled
+  /// @param begun  of the same data set, options and device; null: begins here
   /// @param most_device_bytes  The device stores at most this much, each kind for all views or for
   ///   none: the frames with their window means of SSIM, masks and targets, then EDI factors, then
   ///   F at the restored poses. Frames that a router reads are always on the device.
-  /// @throws DataError, NumericError from the restorers; DataError before the first view if all
-  ///   poses are to be restored and the restorer supports the middle only.
+  /// @throws DataError, NumericError from the restorers; as Restoring().
   ViewBank(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
-           std::future<restore::Restorer> early = {},
+           std::unique_ptr<Restoring> begun = nullptr,
            int64_t most_device_bytes = kMostConstantBytes);
 
   int64_t size() const { return static_cast<int64_t>(measured_.size()); }

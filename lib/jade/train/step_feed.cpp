@@ -17,9 +17,9 @@ bool draws_target_pose(const RunOptions& options) {
 }  // namespace
 
 StepFeed::StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
-                   std::future<restore::Restorer> early, int64_t most_device_bytes)
+                   std::unique_ptr<Restoring> begun, int64_t most_device_bytes)
     : options_(options),
-      bank_(dataset, options, device, std::move(early), most_device_bytes),
+      bank_(dataset, options, device, std::move(begun), most_device_bytes),
       order_(static_cast<uint64_t>(options.seed), bank_.size()),
       device_(device),
       term_weights_(options.objective, calendar_steps(options), device),

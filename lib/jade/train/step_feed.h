@@ -2,13 +2,11 @@
 #pragma once
 
 #include <cstdint>
-#include <future>
 #include <memory>
 #include <torch/types.h>
 #include <vector>
 
 #include "jade/data/exposure.h"
-#include "jade/restore/efnet.h"
 #include "jade/train/bank.h"
 #include "jade/train/draws.h"
 #include "jade/train/event_windows.h"
@@ -25,7 +23,7 @@ class StepFeed {
   /// Restores all exposures: see ViewBank, also for errors.
   /// @param options  settled
   StepFeed(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
-           std::future<restore::Restorer> early = {},
+           std::unique_ptr<Restoring> begun = nullptr,
            int64_t most_device_bytes = kMostConstantBytes);
 
   /// @param step  counted from 1

@@ -26,15 +26,15 @@ SumsAhead::SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions
   const auto& camera = dataset.train.front().camera;
   const int64_t bytes =
       restore::sum_bytes_per_pixel(options, network_) * int64_t(camera.width) * camera.height;
-  at_once_ = static_cast<size_t>(std::clamp<int64_t>(kMostBytes / bytes, 1, 4));
+  const auto at_once = static_cast<size_t>(std::clamp<int64_t>(kMostBytes / bytes, 1, 4));
+  at_once_ = std::min(at_once, dataset.train.size());
+  while (begun_.size() < at_once_) begin();
 }
 
 restore::ExposureSums SumsAhead::next() {
-  const size_t all = dataset_.train.size();
-  while (begun_.size() < at_once_ && begun_upto_ < all) begin();
   restore::ExposureSums sums = begun_.front().get();
   begun_.pop_front();
-  if (begun_upto_ < all) begin();
+  if (begun_upto_ < dataset_.train.size()) begin();
   return sums;
 }
 

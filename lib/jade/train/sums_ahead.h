@@ -16,7 +16,7 @@ data::Exposure masked(const data::Exposure& exposure);
 /// next exposures ahead of time on other threads; also looks their restorations up.
 class SumsAhead {
  public:
-  /// All arguments must outlive it.
+  /// Begins the sums of the first exposures. All arguments must outlive it.
   /// @param policy  std::launch::deferred: computes nothing ahead of time
   /// @param most_device_bytes  Large sums are copied to the restorer's device if those of all
   ///   exposures at one time need less.
