@@ -110,21 +110,21 @@ torch::Tensor similarity(const torch::Tensor& a, const SsimTarget& b, const Ssim
 
 SsimWeights dissimilarity_weights(double lambda) { return {lambda, -lambda, 1 - lambda}; }
 
-/// Window means by two convolutions: computed once per target, so speed does not matter. In double,
-/// because cuDNN may round float products to TF32, and variances are differences of these.
+/// Window means by sums of moved images: a convolution would load cuDNN, which steps without a
+/// router do not need. In double, because variances are differences of these.
 torch::Tensor window_mean(const torch::Tensor& image) {
-  const ImagePlanes planes = planes_of(image);
-  const auto wide = image.options().dtype(torch::kFloat64);
-  const std::vector<double> window(ssim_window(), ssim_window() + kSsimTaps);
-  const auto taps = torch::tensor(window, torch::kFloat64).to(wide);
-  const auto stacked = image.to(wide).reshape({planes.count, 1, planes.height, planes.width});
-  const auto rows = torch::conv2d(stacked, taps.view({1, 1, 1, kSsimTaps}), {}, 1,
-                                  torch::IntArrayRef{0, kSsimRadius});
-  return torch::conv2d(rows, taps.view({1, 1, kSsimTaps, 1}), {}, 1,
-                       torch::IntArrayRef{kSsimRadius, 0})
-      .reshape(image.sizes())
-      .to(image.scalar_type())
-      .contiguous();
+  torch::Tensor mean = image.to(torch::kFloat64);
+  for (const int64_t axis : {-1, -2}) {
+    const int64_t size = mean.size(axis);
+    std::vector<int64_t> border(axis == -1 ? 2 : 4, 0);  // of the columns, then of the rows
+    border.end()[-1] = border.end()[-2] = kSsimRadius;
+    const torch::Tensor padded = torch::constant_pad_nd(mean, border);
+    mean = padded.narrow(axis, 0, size) * ssim_window()[0];
+    for (int k = 1; k < kSsimTaps; ++k) {
+      mean = mean.add(padded.narrow(axis, k, size), ssim_window()[k]);
+    }
+  }
+  return mean.to(image.scalar_type()).contiguous();
 }
 
 }  // namespace
