@@ -45,7 +45,8 @@ void SumsAhead::begin() {
     restore::ExposureSums sums = restore::sum_events(exposure, dataset_.events, options_, network_);
     restore::look_up(exposure, options_, restorer_, sums);
     const auto bytes = static_cast<int64_t>(sums.windows.nbytes());
-    if (bytes * int64_t(at_once_ + 1) <= most_device_bytes_) {
+    constexpr int64_t kLeastBytes = 64 << 20;  // fewer are copied in a hundredth of a second
+    if (bytes >= kLeastBytes && bytes * int64_t(at_once_ + 1) <= most_device_bytes_) {
       restore::upload(restorer_.device(), sums);
     }
     return sums;

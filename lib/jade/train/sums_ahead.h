@@ -18,8 +18,8 @@ class SumsAhead {
  public:
   /// Begins the sums of the first exposures. All arguments must outlive it.
   /// @param policy  std::launch::deferred: computes nothing ahead of time
-  /// @param most_device_bytes  Sums are copied to the restorer's device if those of all exposures
-  ///   at one time need less.
+  /// @param most_device_bytes  Large sums are copied to the restorer's device if those of all
+  ///   exposures at one time need less.
   SumsAhead(const data::Dataset& dataset, const restore::RestoreOptions& options,
             const restore::ViewRestorer& restorer, std::launch policy, int64_t most_device_bytes);
 
