@@ -50,6 +50,28 @@ TEST_CASE("limit_threads_beside: a GPU leaves eight threads, unless the user sai
   if (said != nullptr) setenv("OMP_NUM_THREADS", kept.c_str(), 1);
 }
 
+TEST_CASE("FewerThreads: two of eight cores or more are free while a GPU may start", "[core]") {
+  const int before = at::get_num_threads();
+  const char* said = std::getenv("OMP_NUM_THREADS");
+  const std::string kept = said == nullptr ? "" : said;
+  const auto threads_of = [](int all, bool fewer) {
+    at::set_num_threads(all);
+    const FewerThreads beside(fewer);
+    return at::get_num_threads();
+  };
+  unsetenv("OMP_NUM_THREADS");
+  CHECK(threads_of(16, true) == 14);
+  CHECK(at::get_num_threads() == 16);
+  CHECK(threads_of(8, true) == 6);
+  CHECK(threads_of(7, true) == 7);
+  CHECK(threads_of(16, false) == 16);
+  setenv("OMP_NUM_THREADS", "16", 1);
+  CHECK(threads_of(16, true) == 16);
+  unsetenv("OMP_NUM_THREADS");
+  at::set_num_threads(before);
+  if (said != nullptr) setenv("OMP_NUM_THREADS", kept.c_str(), 1);
+}
+
 TEST_CASE("select_device: words it does not know and GPUs that are not there are distinguished",
           "[core]") {
   CHECK(select_device("cpu").is_cpu());

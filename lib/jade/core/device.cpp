@@ -43,6 +43,17 @@ void limit_threads_beside(torch::Device device) {
   }
 }
 
+FewerThreads::FewerThreads(bool fewer) : before_(at::get_num_threads()) {
+  constexpr int kLeast = 8, kLeft = 2;
+  if (fewer && before_ >= kLeast && std::getenv("OMP_NUM_THREADS") == nullptr) {
+    at::set_num_threads(before_ - kLeft);
+  }
+}
+
+FewerThreads::~FewerThreads() {
+  if (at::get_num_threads() != before_) at::set_num_threads(before_);
+}
+
 int64_t trim_device_memory(torch::Device device, int64_t keep_bytes) {
   if (!device.is_cuda()) return 0;
   return cuda::trim_memory(device.index() < 0 ? 0 : device.index(), keep_bytes);

@@ -31,6 +31,20 @@ void limit_memory(torch::Device device, int64_t bytes);
 /// threads have little to do and spin while they wait for each other.
 void limit_threads_beside(torch::Device device);
 
+/// Leaves two CPU cores, of eight or more, to threads that start a GPU, until destroyed: a team of
+/// threads waits for one that finds no core. Does nothing if OMP_NUM_THREADS is set.
+class FewerThreads {
+ public:
+  /// @param fewer  false: does nothing
+  explicit FewerThreads(bool fewer);
+  ~FewerThreads();
+  FewerThreads(const FewerThreads&) = delete;
+  FewerThreads& operator=(const FewerThreads&) = delete;
+
+ private:
+  int before_;
+};
+
 /// Returns cached GPU memory to the driver if the allocator holds more than `keep_bytes` beyond
 /// what tensors use. Synchronises the device when it does; does nothing on the CPU. With 0 it also
 /// frees the workspaces of matrix products, so no recorded graph may use one.

@@ -59,6 +59,7 @@ RunData load_data(const RunDirectory& directory, const train::RunOptions& option
   if (options.response.enabled) response::identity_response();  // fails before the data are read
   log_info(concat("reading     ", options.dataset.path.string()));
   std::vector<std::string> warnings;
+  const FewerThreads reading(options.device != "cpu");
   {
     const Progress progress("reading", 1, 0, "data sets");
     data.dataset = data::load_dataset(options.dataset, &warnings);
