@@ -68,6 +68,22 @@ TEST_CASE("bank: each has the events of its own exposure, though they are summed
   }
 }
 
+TEST_CASE("bank: takes the restoration that has begun", "[train]") {
+  const test::TinyScene scene;
+  train::RunOptions options = test::tiny_options(scene);
+  const data::Dataset dataset = data::load_dataset(options.dataset);
+  const auto edi = [&](std::unique_ptr<train::Restoring> begun) {
+    const train::ViewBank bank(dataset, options, torch::kCPU, std::move(begun));
+    return bank.picture_view(0).restorations.edi;
+  };
+  const torch::Tensor usual = edi(nullptr);
+  train::RunOptions other = options;
+  other.events.threshold_positive = 2 * options.events.threshold_positive;
+  auto begun = std::make_unique<train::Restoring>(dataset, other, torch::kCPU,
+                                                  std::future<restore::Restorer>(), 0);
+  CHECK_FALSE(edi(std::move(begun)).equal(usual));
+}
+
 TEST_CASE("bank: cameras, moments, weights and EDI are those of the quadrature", "[train]") {
   using geometry::QuadratureRule;
   const test::TinyScene scene;

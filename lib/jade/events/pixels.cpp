@@ -18,16 +18,18 @@ torch::Tensor pixel_counts(const EventStream& events, const ImageSize& size) {
   int64_t* const all = counts.mutable_data_ptr<int64_t>();
   const float *x = events.x().const_data_ptr<float>(), *y = events.y().const_data_ptr<float>();
   std::mutex mutex;
-  at::parallel_for(
-      0, events.size(), std::max(kEventGrain, pixels), [&](int64_t begin, int64_t end) {
-        std::vector<int64_t> own(size_t(pixels), 0);  // threads would wait for shared ones
-        for (int64_t i = begin; i < end; ++i) {
-          const int64_t at = pixel_of(x[i], y[i], size);
-          if (at >= 0) ++own[size_t(at)];
-        }
-        const std::lock_guard<std::mutex> lock(mutex);
-        for (int64_t i = 0; i < pixels; ++i) all[i] += own[size_t(i)];
-      });
+  at::parallel_for(0, events.size(), std::max(kEventGrain, 8 * pixels),
+                   [&](int64_t begin, int64_t end) {
+                     // Threads would wait for shared counters. Own ones take at most a byte per
+                     // event.
+                     std::vector<int64_t> own(size_t(pixels), 0);
+                     for (int64_t i = begin; i < end; ++i) {
+                       const int64_t at = pixel_of(x[i], y[i], size);
+                       if (at >= 0) ++own[size_t(at)];
+                     }
+                     const std::lock_guard<std::mutex> lock(mutex);
+                     for (int64_t i = 0; i < pixels; ++i) all[i] += own[size_t(i)];
+                   });
   return counts;
 }
 

@@ -41,7 +41,11 @@ void settle_new(const std::optional<Choices>& choices, int64_t budget, Prepared&
   options.gains.optimize = train::learns_gains(options.gains, dataset) ? train::LearnGains::kOn
                                                                        : train::LearnGains::kOff;
   options.densify.max_gaussians = train::max_gaussians(options, dataset, budget);
-  if (choices) choose_pace(dataset, *choices, run.device, options, run.data.restorer);
+  if (choices) {
+    // A graph must not be recorded beside the loading of kernels.
+    if (choices->minutes > 0 && run.data.kernels.valid()) run.data.kernels.wait();
+    choose_pace(dataset, *choices, run.device, options, run.data.restorer);
+  }
   if (!train::needs_efnet(options)) run.data.restorer_sha256.clear();
 }
 
@@ -53,9 +57,10 @@ std::string resolved_yaml(train::RunOptions options) {
 
 Prepared prepare(const train::RunOptions& given, const std::filesystem::path& folder,
                  const std::string& from, const std::optional<Choices>& choices) {
+  const StageTimes times;
   // Report a missing GPU before minutes of loading.
   if (given.device != "auto") select_device(given.device);
-  Prepared run{StageTimes(), given, torch::kCPU, RunDirectory(folder), {}, {}, {}, {}};
+  Prepared run{times, given, torch::kCPU, RunDirectory(folder), {}, {}, {}, {}};
   train::RunOptions& options = run.options;
   run.data = load_data(run.directory, options, from.empty());
   run.device = run.data.device;
@@ -81,9 +86,10 @@ Prepared prepare(const train::RunOptions& given, const std::filesystem::path& fo
     }
     settle_new(choices, budget, run);
   }
-  // Events are summed and the cache is read while the scene starts.
-  const train::MemoryPlan expected =
-      train::memory_plan(options, dataset, options.densify.max_gaussians);
+  // On a GPU events are summed and the cache is read while the scene starts.
+  const int64_t expected_gaussians =
+      state ? train::most_gaussians(*state, options) : int64_t{options.densify.max_gaussians};
+  const train::MemoryPlan expected = train::memory_plan(options, dataset, expected_gaussians);
   auto restoring =
       std::make_unique<train::Restoring>(dataset, options, run.device, std::move(run.data.restorer),
                                          train::constants_budget(expected, budget));

@@ -173,6 +173,14 @@ std::launch policy_on(torch::Device device) {
   return device.is_cuda() ? std::launch::async : std::launch::deferred;
 }
 
+/// `how`, once the network is known to restore at all its moments.
+const restore::RestoreOptions& checked(const restore::RestoreOptions& how,
+                                       const restore::ViewRestorer& restorer,
+                                       const RunOptions& options) {
+  if (restorer.has_network() && restores_poses(options)) restorer.check_times(how.times);
+  return how;
+}
+
 /// Maps at all moments in the stored type; an exposure of zero length has one for all.
 torch::Tensor kept(const torch::Tensor& moments, bool lasts, torch::Dtype type) {
   return (lasts ? moments : moments.narrow(0, 0, 1)).to(type);
@@ -193,9 +201,8 @@ Restoring::Restoring(const data::Dataset& dataset, const RunOptions& options, to
     : how(restore_options(options)),
       restorer(options.cache, needs_efnet(options) ? std::optional(options.efnet) : std::nullopt,
                device, dataset.monochrome, std::move(early)),
-      sums(dataset, how, restorer, policy_on(device), most_device_bytes) {
-  if (restorer.has_network() && restores_poses(options)) restorer.check_times(how.times);
-}
+      sums(dataset, checked(how, restorer, options), restorer, policy_on(device),
+           most_device_bytes) {}
 
 ViewBank::ViewBank(const data::Dataset& dataset, const RunOptions& options, torch::Device device,
                    std::unique_ptr<Restoring> begun, int64_t most_device_bytes)

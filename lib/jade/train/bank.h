@@ -63,8 +63,8 @@ struct Restoring {
 class ViewBank {
  public:
   ViewBank() = default;
-  /// Restores every exposure: voxels, EDI, EFNet, cameras. Shows progress. EFNet is loaded for the
-  /// duration of the call at most.
+  /// Restores every exposure: voxels, EDI, EFNet, cameras. Shows progress. EFNet is unloaded at the
+  /// end.
   /// @param options  settled
   /// @param begun  of the same data set, options and device; null: begins here
   /// @param most_device_bytes  The device stores at most this much, each kind for all views or for

@@ -149,7 +149,7 @@ struct BlendStep {
   S alpha;                        ///< 0 if the splat is not visible or the pixel has stopped
   S used;                         ///< α T
   S weight;                       ///< the weight of its colour: α T, or 0 as alpha
-  decltype(S(0) > S(0)) goes_on;  ///< false: the pixel has stopped at this splat or before
+  decltype(S(0) > S(0)) goes_on;  ///< false: no splat changes the pixel from this one on
 };
 
 /// Updates a pixel's transmittance by a splat: T(1 − α), or, if that is too small, stops the pixel
