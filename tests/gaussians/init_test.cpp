@@ -159,6 +159,14 @@ TEST_CASE("init: a plane sweep measures whether the views agree at any depth", "
   CHECK(disagreement(flat) == 0);
 }
 
+TEST_CASE("init: random depths between guessed bounds are a fault", "[gaussians]") {
+  InitSources sources = two_views();
+  CHECK(depth_fault(sources).empty());
+  sources.near = 0.01;
+  sources.far = 100;  // the guess of loaders that know nothing
+  CHECK_THAT(depth_fault(sources), test::naming("set init.kind to plane_sweep"));
+}
+
 TEST_CASE("init: masked pixels and gains do not change where the views agree", "[gaussians]") {
   const InitSources plain = views_of_a_plane();
   const auto swept = [](const InitSources& sources) {

@@ -20,6 +20,8 @@ using geometry::Vector3;
 
 constexpr int kNeighbours = 3;
 constexpr int64_t kFewestSfmPoints = 100;
+/// Far over near above which depths are a guess: loaders that know none assume 10,000.
+constexpr double kWideDepths = 1000;
 /// SfM points nearer to a camera than this share of the extent would fill its image.
 constexpr double kNearCamera = 1e-3;
 
@@ -189,6 +191,14 @@ PointCloud random_frusta(const InitSources& sources, int64_t count, at::Generato
   return cloud;
 }
 
+std::string depth_fault(const InitSources& sources) {
+  if (!(sources.far > kWideDepths * sources.near)) return "";
+  return concat("start points: expected points or known depths, found none, so Gaussians start ",
+                "anywhere between depths ", sources.near, " and ", sources.far,
+                ", few of them where the scene is; set init.kind to plane_sweep, which finds the ",
+                "depths at which the views agree, or add points");
+}
+
 PointCloud without_points_near_cameras(const PointCloud& cloud,
                                        const std::vector<geometry::Pose>& cameras_from_world,
                                        double distance) {
@@ -248,7 +258,11 @@ splat::Gaussians initial_gaussians(const InitOptions& options, const InitSources
   }
   const int64_t count = std::min(options.points, at_most);
   const bool sweep = options.kind == InitKind::kAuto || options.kind == InitKind::kPlaneSweep;
-  if (!sweep) return start_at(random_frusta(sources, count, generator));
+  if (!sweep) {
+    const std::string fault = depth_fault(sources);
+    if (prefers_sfm && !fault.empty()) log_warn(fault);
+    return start_at(random_frusta(sources, count, generator));
+  }
   double disagreement = 0;
   const PointCloud cloud = plane_sweep(sources, count, generator, &disagreement);
   if (const std::string fault = pose_fault(disagreement); !fault.empty()) log_warn(fault);

@@ -95,6 +95,9 @@ geometry::Vector3 point_in_frustum(const InitSources& sources, const geometry::V
 /// without masked pixels and gains.
 PointCloud random_frusta(const InitSources& sources, int64_t count, at::Generator& generator);
 
+/// That random depths are a bad start, as the bounds of depth are only a guess; else empty.
+std::string depth_fault(const InitSources& sources);
+
 /// Removes points within `distance` of a camera centre, which would fill the image.
 PointCloud without_points_near_cameras(const PointCloud& cloud,
                                        const std::vector<geometry::Pose>& cameras_from_world,
